@@ -1,0 +1,36 @@
+# `make demo` and `make test` need nothing but Python >= 3.11 and make; both build .venv when it is missing.
+
+VENV := .venv
+BIN := $(VENV)/bin
+SOURCES := coopmm_jax tuning experiments tests
+
+# The first interpreter on the path that is new enough; `make PYTHON=/path/to/python3.12 ...` overrides it.
+NEW_ENOUGH := -c 'import sys; sys.exit(sys.version_info < (3, 11))'
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
+	"$$p" $(NEW_ENOUGH) 2>/dev/null && { echo "$$p"; break; }; done)
+
+.PHONY: demo test clean
+
+demo: $(VENV)/.installed
+	$(BIN)/python -m experiments.reproduce_paper --out results/paper
+
+# Two workers, each keeping whole files, so that a file's compiled functions are shared by its tests.
+test: $(VENV)/.installed-test
+	$(BIN)/ruff check
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	find $(SOURCES) -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "make: needs Python 3.11 or newer on the path, or make PYTHON=..." >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# The stamps stand beside whatever .venv already holds, so an environment made by hand is completed, not rebuilt.
+$(VENV)/.installed: EXTRAS :=
+$(VENV)/.installed-test: EXTRAS := [test]
+$(VENV)/.installed $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.$(EXTRAS)'
+	@touch $@
