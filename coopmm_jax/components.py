@@ -1,0 +1,214 @@
+"""Small matrices made of scalar components, with structural zeros and ones.
+
+XLA's CPU back end runs a handful of tiny matrix products a hundred times slower than the same arithmetic written on
+scalars, which it fuses into a few loops. Entries are scalars; a Python ``0`` or ``1`` (an int) is structural: products
+and sums with it vanish while tracing, so ``L.T @ M @ L`` costs only its non-trivial terms.
+
+>>> (Matrix([[1, 0], [2.0, 1]]) @ (3.0, 4.0))
+(3.0, 10.0)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+Scalar = Any
+Vector = tuple
+
+
+def _structural(a: Scalar, value: int) -> bool:
+    return type(a) is int and a == value
+
+
+def add(a: Scalar, b: Scalar) -> Scalar:
+    """a + b, dropping structural zeros."""
+    if _structural(a, 0):
+        return b
+    return a if _structural(b, 0) else a + b
+
+
+def sub(a: Scalar, b: Scalar) -> Scalar:
+    """a - b, dropping structural zeros."""
+    if _structural(b, 0):
+        return a
+    return -b if _structural(a, 0) else a - b
+
+
+def mul(a: Scalar, b: Scalar) -> Scalar:
+    """a b, dropping structural zeros and ones."""
+    if _structural(a, 0) or _structural(b, 0):
+        return 0
+    if _structural(a, 1):
+        return b
+    return a if _structural(b, 1) else a * b
+
+
+def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
+    """Inner product of two vectors of one length."""
+    total: Scalar = 0
+    for x, y in zip(a, b, strict=True):
+        total = add(total, mul(x, y))
+    return total
+
+
+def plus(*vectors: Sequence[Scalar]) -> Vector:
+    """Sum of vectors of one length."""
+    total = tuple(vectors[0])
+    for vector in vectors[1:]:
+        total = tuple(add(x, y) for x, y in zip(total, vector, strict=True))
+    return total
+
+
+def minus(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
+    """a - b for vectors of one length."""
+    return tuple(sub(x, y) for x, y in zip(a, b, strict=True))
+
+
+def scaled(factor: Scalar, vector: Sequence[Scalar]) -> Vector:
+    """factor * vector."""
+    return tuple(mul(factor, x) for x in vector)
+
+
+def norm(vector: Sequence[Scalar]) -> Scalar:
+    """Euclidean norm, smoothed as sqrt(x.x + 1e-16) so that its gradient exists at zero (model.md section 3)."""
+    return jnp.sqrt(dot(vector, vector) + 1e-16)
+
+
+class Matrix:
+    """A matrix as a tuple of rows of scalars.
+
+    Args:
+        rows: equally long sequences of scalars; Python ints 0 and 1 are structural.
+    """
+
+    def __init__(self, rows: Sequence[Sequence[Scalar]]):
+        self.rows = tuple(tuple(row) for row in rows)
+
+    @property
+    def T(self) -> Matrix:  # noqa: N802 - the usual name of the transpose
+        return Matrix(list(zip(*self.rows, strict=True)))
+
+    def __matmul__(self, other: Matrix | Sequence[Scalar]) -> Any:
+        if isinstance(other, Matrix):
+            columns = other.T.rows
+            return Matrix([[dot(row, column) for column in columns] for row in self.rows])
+        return tuple(dot(row, other) for row in self.rows)
+
+    def __add__(self, other: Matrix) -> Matrix:
+        return Matrix([plus(a, b) for a, b in zip(self.rows, other.rows, strict=True)])
+
+    def squared_norm(self) -> Scalar:
+        """Sum of the squares of all entries (the Frobenius norm squared)."""
+        total: Scalar = 0
+        for row in self.rows:
+            total = add(total, dot(row, row))
+        return total
+
+
+def congruence(L: Matrix, M: Matrix) -> Matrix:
+    """L^T M L for symmetric M, computing each off-diagonal entry once."""
+    ML, columns = (M @ L).T.rows, L.T.rows
+    lower = [[dot(columns[i], ML[j]) for j in range(i + 1)] for i in range(len(columns))]
+    return Matrix([[lower[max(i, j)][min(i, j)] for j in range(len(columns))] for i in range(len(columns))])
+
+
+def cholesky_solve(A: Matrix, *right_sides: Sequence[Scalar]) -> list[Vector]:
+    """Solve A x = b for each right side b with an unrolled L D L^T factorisation; A symmetric positive definite.
+
+    L D L^T rather than Cholesky: n divisions and no square roots, which cost ten multiplications each.
+    """
+    n = len(A.rows)
+    L = [[0] * n for _ in range(n)]
+    LD = [[0] * n for _ in range(n)]
+    inverse_pivot = [0] * n
+    for j in range(n):
+        for i in range(j, n):
+            LD[i][j] = sub(A.rows[i][j], dot(LD[i][:j], L[j][:j]))
+        inverse_pivot[j] = 1.0 / LD[j][j]
+        for i in range(j + 1, n):
+            L[i][j] = mul(LD[i][j], inverse_pivot[j])
+    solutions = []
+    for b in right_sides:
+        y = list(b)
+        for i in range(n):
+            y[i] = sub(y[i], dot(L[i][:i], y[:i]))
+        x = [mul(y[i], inverse_pivot[i]) for i in range(n)]
+        for i in reversed(range(n)):
+            below = [L[k][i] for k in range(i + 1, n)]
+            x[i] = sub(x[i], dot(below, x[i + 1 :]))
+        solutions.append(tuple(x))
+    return solutions
+
+
+def inverse_small(A: Matrix) -> tuple[Matrix, Scalar]:
+    """Inverse of a 1 x 1 or 2 x 2 matrix and its determinant, by Cramer's rule."""
+    if len(A.rows) == 1:
+        ((a,),) = A.rows
+        return Matrix([[1.0 / a]]), a
+    (a, b), (c, d) = A.rows
+    determinant = sub(mul(a, d), mul(b, c))
+    scale = 1.0 / determinant
+    return Matrix([[mul(d, scale), mul(sub(0, b), scale)], [mul(sub(0, c), scale), mul(a, scale)]]), determinant
+
+
+# Cody-Waite: pi/2 as a sum of three doubles with trailing zeros, so that x - n pi/2 keeps its last bits up to |x| ~ 1e5.
+_PI_2 = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
+# Minimax polynomials on [-pi/4, pi/4] (fdlibm's __kernel_sin and __kernel_cos): below 1 ulp.
+_SIN = (
+    1.58969099521155010221e-10,
+    -2.50507602534068634195e-08,
+    2.75573137070700676789e-06,
+    -1.98412698298579493134e-04,
+    8.33333333332248946124e-03,
+    -1.66666666666666324348e-01,
+)
+_COS = (
+    -1.13596475577881948265e-11,
+    2.08757232129817482790e-09,
+    -2.75573143513906633035e-07,
+    2.48015872894767294178e-05,
+    -1.38888888888741095749e-03,
+    4.16666666666666019037e-02,
+)
+
+
+def _horner(coefficients: Sequence[float], x: Scalar) -> Scalar:
+    total: Scalar = coefficients[0]
+    for coefficient in coefficients[1:]:
+        total = total * x + coefficient
+    return total
+
+
+def _sincos64(x: Scalar) -> tuple[Scalar, Scalar]:
+    n = jnp.round(x * (2 / jnp.pi))
+    y = ((x - n * _PI_2[0]) - n * _PI_2[1]) - n * _PI_2[2]
+    z = y * y
+    s = y + y * z * _horner(_SIN, z)
+    c = 1.0 - 0.5 * z + z * z * _horner(_COS, z)
+    quarter = n - 4.0 * jnp.floor(n * 0.25)
+    swap = (quarter == 1.0) | (quarter == 3.0)
+    s, c = jnp.where(swap, c, s), jnp.where(swap, s, c)
+    return jnp.where(quarter >= 2.0, -s, s), jnp.where((quarter == 1.0) | (quarter == 2.0), -c, c)
+
+
+@jax.custom_jvp
+def sincos(x: Scalar) -> tuple[Scalar, Scalar]:
+    """sin x and cos x together, accurate to 1 ulp of 1 for |x| up to 1e5.
+
+    In float64 a polynomial of our own, because XLA's CPU back end calls libm once per element for these two while it
+    vectorises everything else; in float32 XLA's own, which is vectorised.
+    """
+    x = jnp.asarray(x)
+    if x.dtype == jnp.float64:
+        return _sincos64(x)
+    return jnp.sin(x), jnp.cos(x)
+
+
+@sincos.defjvp
+def _sincos_jvp(primals: tuple, tangents: tuple) -> tuple:
+    s, c = sincos(primals[0])
+    return (s, c), (c * tangents[0], -s * tangents[0])

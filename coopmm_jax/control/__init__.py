@@ -1,0 +1,1 @@
+"""The robust adaptive motion/force controller of section III."""

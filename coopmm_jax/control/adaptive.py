@@ -1,0 +1,76 @@
+"""Robust adaptive compensation (19) and its adaptation laws (20)-(24)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from coopmm_jax.components import Scalar, Vector, dot, norm, scaled
+from coopmm_jax.parameters import Gains, Structure
+
+
+class Regressors(NamedTuple):
+    """f_k of (19): what each bound c_k of Assumption 3.2 is multiplied by."""
+
+    inertia: Scalar  # |K_sigma sigma - nudot|
+    coriolis: Scalar  # |u^1|
+    coriolis_rate: Scalar  # |zetadot| |u^1|
+    gravity: Scalar  # 1
+    disturbance: Scalar  # |L|
+
+
+def schedule(t: Scalar) -> Scalar:
+    """alpha_k(t) = delta_k(t) = 1 / (1 + t)^2: vanishing and integrable, as Assumption 3.1 asks."""
+    return 1.0 / (1.0 + t) ** 2
+
+
+def boundary_layer(gains: Gains, t: Scalar) -> Scalar:
+    """delta_k(t) of (19), held above the design parameter ``delta_floor`` so that the robust term stays smooth."""
+    return jnp.maximum(schedule(t), gains.delta_floor)
+
+
+def adaptation(gains: Gains, f: Regressors, sigma: Vector, c_hat: Vector, t: Scalar) -> Vector:
+    """(20)-(24): rates of the bound estimates chat (5,)."""
+    size = norm(sigma)
+    return tuple(
+        -schedule(t) * c + gamma / gains.lam_min * size * f_k
+        for c, gamma, f_k in zip(c_hat, gains.gamma, f, strict=True)
+    )
+
+
+def robust_force(
+    structure: Structure,
+    gains: Gains,
+    f: Regressors,
+    sigma: Vector,
+    c_hat: Vector,
+    platform_error: Vector,
+    coupling: Vector,
+    t: Scalar,
+) -> Vector:
+    """U2 of (19) (n,), along -sigma.
+
+    Args:
+        platform_error: utilde_b (4,). coupling: Lambda's non-zero entries (4,).
+    """
+    delta, size = boundary_layer(gains, t), norm(sigma)
+    terms = []
+    for c, f_k in zip(c_hat, f, strict=True):
+        # (34) only closes with chat inside the denominator; (19) prints it without.
+        proof = structure.robust_term == "proof"
+        terms.append((c * f_k) ** 2 / (c * f_k * size + delta) if proof else c * f_k**2 / (f_k * size + delta))
+    gain = gains.beta / gains.lam_min * sum(terms[1:], terms[0])
+    return scaled(-(gain + _u26_gain(structure, gains, size, platform_error, coupling, delta)), sigma)
+
+
+def _u26_gain(
+    structure: Structure, gains: Gains, size: Scalar, platform_error: Vector, coupling: Vector, delta: Scalar
+) -> Scalar:
+    """U26 of (19) is minus this times sigma; ``corrected`` drops |utilde_b| and squares so that (39) holds."""
+    Lambda2 = dot(coupling, coupling)
+    Lambda = norm(coupling)
+    if structure.u26 == "corrected":
+        return gains.beta * Lambda2 / (Lambda * size + delta)
+    return gains.beta * norm(platform_error) * Lambda2 / (Lambda * size * size + delta)
+

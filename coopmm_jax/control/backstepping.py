@@ -1,0 +1,63 @@
+"""Kinematic control of one robot in chained form, (12)-(15) at n_v = 3.
+
+With e = zeta - zeta_d the backstepping errors are s1 = e1, s2 = e2, s3 = e3 + k2 s2 u_d1; the reference velocities
+z = (z_b1, z_b2, z_a) would drive them to zero if u followed z exactly.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from coopmm_jax.components import Scalar, Vector
+from coopmm_jax.parameters import Gains
+from coopmm_jax.reference import Desired
+from coopmm_jax.robot import Position
+
+
+class Errors(NamedTuple):
+    """Tracking errors e2, e3 and backstepping errors s1, s2, s3 of (14)."""
+
+    e2: Scalar
+    e3: Scalar
+    s1: Scalar
+    s2: Scalar
+    s3: Scalar
+
+
+def chained_rates(position: Position, u1: Scalar, u2: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """(8) at n_v = 3: rates of z1, z2, z3."""
+    return u1, u1 * position.z3, u2
+
+
+def backstepping_errors(gains: Gains, desired: Desired, position: Position) -> Errors:
+    """(14). At n_v = 3 there is no s_(n-2) term in s3: (26) decides."""
+    e2, e3 = position.z2 - desired.z2, position.z3 - desired.z3
+    return Errors(e2, e3, position.z1 - desired.z1, e2, e3 + gains.k2 * e2 * desired.u1)
+
+
+def coupling_signal(gains: Gains, desired: Desired, position: Position) -> tuple[Scalar, Scalar]:
+    """Non-zero entries of Lambda_i, defined below (30): how velocity errors of the platform enter Vdot_1."""
+    s = backstepping_errors(gains, desired, position)
+    return gains.k1 * s.s1 + s.s2 * position.z3 + gains.k2 * desired.u1 * s.s3 * position.z3, s.s3
+
+
+def eta_rate(gains: Gains, desired: Desired, position: Position, eta: Scalar) -> Scalar:
+    """(15), which is (28): eta_dot = -k0 eta - Lambda_1."""
+    return -gains.k0 * eta - coupling_signal(gains, desired, position)[0]
+
+
+def reference_velocity(gains: Gains, desired: Desired, position: Position, arm: Vector, eta: Scalar) -> Vector:
+    """z = (z_b1, z_b2, z_a) of (12) and (13) [rad/s, m/s, rad/s].
+
+    Args:
+        arm: the independent arm joints [rad], as many as ``desired.arm`` has.
+    """
+    s = backstepping_errors(gains, desired, position)
+    u_d1 = desired.u1
+    z_b1 = u_d1 + eta
+    z_b2 = desired.u2 - s.s2 * u_d1 - gains.k3 * s.s3 - gains.k2 * (u_d1**2 * s.e3 + desired.u1_rate * s.e2)
+    z_a = (
+        rate - gains.K_a * (joint - target)
+        for joint, target, rate in zip(arm, desired.arm, desired.arm_rate, strict=True)
+    )
+    return (z_b1, z_b2, *z_a)

@@ -1,0 +1,34 @@
+"""Force control around the contact, below (17): lambda_h = lambda_d - K_lambda e - K_I int e."""
+
+from __future__ import annotations
+
+from coopmm_jax.components import Vector, minus, plus
+from coopmm_jax.parameters import Gains
+
+
+def force_command(gains: Gains, desired: Vector, error: Vector, integral: Vector) -> Vector:
+    """lambda_h (m,) [N] from the force error e (m,) [N] and its integral [N s]."""
+    return tuple(
+        d - kp * e - ki * E
+        for d, kp, ki, e, E in zip(desired, gains.K_lambda, gains.K_I, error, integral, strict=True)
+    )
+
+
+def ideal_force_error(gains: Gains, without_feedback: Vector, desired: Vector, integral: Vector) -> Vector:
+    """e (m,) [N] when the force is measured at once: (1 + K_lambda) e = lambda_0 - lambda_d - K_I E.
+
+    The algebraic loop closes in one division because lambda = lambda_0 + (lambda_h - lambda_d) row by row; K_lambda > -1
+    is what keeps it solvable (proof of Theorem 3.1).
+
+    Args:
+        without_feedback: lambda_0 (m,), the multiplier under lambda_h = lambda_d.
+    """
+    return tuple(
+        (free - ki * E) / (1.0 + kp)
+        for free, kp, ki, E in zip(minus(without_feedback, desired), gains.K_lambda, gains.K_I, integral, strict=True)
+    )
+
+
+def multipliers_with(command: Vector, motion_multipliers: Vector) -> Vector:
+    """lambda (m,) [N]: what the motion force alone leaves to the constraints, plus lambda_h, which B tau takes off."""
+    return plus(motion_multipliers, command)

@@ -1,0 +1,187 @@
+"""Motion control: sigma, nu and the law (18), U1 + U2, spread over all joints."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+
+from coopmm_jax import coupling, robot
+from coopmm_jax.components import Scalar, Vector, minus, norm, plus, scaled
+from coopmm_jax.control import adaptive, backstepping
+from coopmm_jax.parameters import Gains, Geometry, Inertia, Reference, Structure
+from coopmm_jax.reference import desired_motion
+
+
+class Memory(NamedTuple):
+    """States of the controller."""
+
+    integral: Vector  # I of the independent arm joints [rad], Idot = utilde
+    eta: tuple[Scalar, Scalar]  # of (15) [rad/s]
+    c_hat: Vector  # (5,), bound estimates
+    force_integral: Vector  # E (m,) [N s], Edot = e_lambda
+
+
+class MotionErrors(NamedTuple):
+    """The filtered tracking error and what it is made of, below (15)."""
+
+    utilde: Vector  # u^1 - z (n,)
+    sigma: Vector  # utilde + K_u I
+    nu_rate: Vector  # d/dt (z - K_u I)
+
+
+class MotionCommand(NamedTuple):
+    """What the motion controller asks for and how its memory moves."""
+
+    force: tuple[Vector, Vector]  # F on all joints of each robot (5,), with L^T F = U1 + U2
+    sigma: Vector
+    integral_rate: Vector
+    eta_rate: tuple[Scalar, Scalar]
+    c_hat_rate: Vector
+
+
+def split(part: coupling.Partition, independent: Vector) -> tuple[Vector, Vector]:
+    """The independent velocities (n,) of each robot."""
+    first = len(part.independent[0])
+    return tuple(independent[:first]), tuple(independent[first:])
+
+
+def arm_joints(part: coupling.Partition, position: tuple[robot.Position, robot.Position]) -> tuple[Vector, Vector]:
+    """Independent arm joints of each robot [rad]: u's entry j >= 2 is the rate of Position's field j + 1."""
+    return tuple(tuple(p[j + 1] for j in joints if j >= 2) for p, joints in zip(position, part.independent, strict=True))
+
+
+def reference_velocities(
+    gains: Gains, reference: Reference, part: coupling.Partition, t: Scalar, position: tuple, eta: tuple
+) -> Vector:
+    """z (n,) of both robots, (12) and (13)."""
+    return sum(
+        (
+            backstepping.reference_velocity(gains, desired, p, arm, e)
+            for desired, p, arm, e in zip(
+                desired_motion(reference, t), position, arm_joints(part, position), eta, strict=True
+            )
+        ),
+        (),
+    )
+
+
+def position_rates(position: tuple, velocity: tuple[Vector, Vector]) -> tuple[robot.Position, robot.Position]:
+    """(8) for both robots: rates of all twelve coordinates from u (5,) of each."""
+    return tuple(
+        robot.Position(*backstepping.chained_rates(p, u[0], u[1]), *u[2:])
+        for p, u in zip(position, velocity, strict=True)
+    )
+
+
+def motion_errors(
+    gains: Gains,
+    reference: Reference,
+    part: coupling.Partition,
+    t: Scalar,
+    position: tuple,
+    rates: tuple,
+    independent: Vector,
+    memory: Memory,
+    eta_rates: tuple[Scalar, Scalar],
+) -> MotionErrors:
+    """utilde, sigma and nudot. zdot is the chain rule over t, the positions and eta, taken by forward differentiation."""
+    z, z_rate = jax.jvp(
+        lambda *at: reference_velocities(gains, reference, part, *at),
+        (t, position, memory.eta),
+        (t * 0.0 + 1.0, rates, eta_rates),
+    )
+    utilde = minus(independent, z)
+    first, second = split(part, utilde)
+    n1 = len(first) - 2
+    integrals = (memory.integral[:n1], memory.integral[n1:])
+
+    def on_arms(values: tuple[Vector, Vector]) -> Vector:
+        return sum(((0, 0, *scaled(gains.K_u, v)) for v in values), ())
+
+    sigma = plus(utilde, on_arms(integrals))
+    nu_rate = minus(z_rate, on_arms((first[2:], second[2:])))
+    return MotionErrors(utilde, sigma, nu_rate)
+
+
+def motion_control(
+    structure: Structure,
+    gains: Gains,
+    reference: Reference,
+    geometry: tuple[Geometry, Geometry],
+    nominal: tuple[Inertia, Inertia],
+    gravity: Scalar,
+    t: Scalar,
+    bodies: coupling.Bodies,
+    reduction: coupling.Reduction,
+    independent: Vector,
+    velocity: tuple[Vector, Vector],
+    L_rate: tuple[Vector, Vector],
+    memory: Memory,
+) -> MotionCommand:
+    """(18)-(24) with the nominal model, and the generalised force F on all joints.
+
+    Args:
+        independent: u^1 (n,). velocity: L u^1 of each robot. L_rate: Ldot u^1 of each robot.
+    """
+    part = reduction.part
+    targets = desired_motion(reference, t)
+    eta_rates = tuple(
+        backstepping.eta_rate(gains, d, p, e) for d, p, e in zip(targets, bodies.position, memory.eta, strict=True)
+    )
+    rates = position_rates(bodies.position, velocity)
+    errors = motion_errors(gains, reference, part, t, bodies.position, rates, independent, memory, eta_rates)
+    damping = tuple(k * s for k, s in zip(gains.K_sigma, errors.sigma, strict=True))
+    acceleration = minus(errors.nu_rate, damping)
+    utilde = split(part, errors.utilde)
+
+    f = regressors(reduction, acceleration, independent, rates)
+    coupling_signal = sum(
+        (backstepping.coupling_signal(gains, d, p) for d, p in zip(targets, bodies.position, strict=True)), ()
+    )
+    platform_error = utilde[0][:2] + utilde[1][:2]
+    U2 = adaptive.robust_force(
+        structure, gains, f, errors.sigma, memory.c_hat, platform_error, coupling_signal, t
+    )
+    nominal_force = _nominal_force(geometry, nominal, gravity, bodies, reduction, velocity, L_rate, acceleration)
+    return MotionCommand(
+        force=_on_all_joints(structure, reduction, nominal_force, U2),
+        sigma=errors.sigma,
+        integral_rate=utilde[0][2:] + utilde[1][2:],
+        eta_rate=eta_rates,
+        c_hat_rate=adaptive.adaptation(gains, f, errors.sigma, memory.c_hat, t),
+    )
+
+
+def regressors(
+    reduction: coupling.Reduction, acceleration: Vector, independent: Vector, rates: tuple
+) -> adaptive.Regressors:
+    """f_k of (19); |zetadot| is over all twelve coordinates, |L| is the Frobenius norm."""
+    speed = norm(independent)
+    return adaptive.Regressors(
+        inertia=norm(acceleration),
+        coriolis=speed,
+        coriolis_rate=norm((*rates[0], *rates[1])) * speed,
+        gravity=1.0,
+        disturbance=norm(sum((row for L in reduction.L for row in L.rows), ())),
+    )
+
+
+def _nominal_force(geometry, nominal, gravity, bodies, reduction, velocity, L_rate, acceleration):
+    """M0 (L (nudot - K_sigma sigma) + Ldot u^1) + h0 on each robot; L^T times it is U1 of (18)."""
+    wanted = tuple(plus(a, b) for a, b in zip(coupling.expand(reduction, acceleration), L_rate, strict=True))
+    return tuple(
+        robot.required_force(g, robot.lump(g, i), gravity, p, arm, T, u, a)
+        for g, i, p, arm, T, u, a in zip(
+            geometry, nominal, bodies.position, bodies.arm, bodies.T, velocity, wanted, strict=True
+        )
+    )
+
+
+def _on_all_joints(
+    structure: Structure, reduction: coupling.Reduction, nominal_force: tuple[Vector, Vector], U2: Vector
+) -> tuple[Vector, Vector]:
+    """F with L^T F = U1 + U2: ``projected`` as substituted after (40), ``full`` as in (17)."""
+    if structure.feedforward == "full":
+        return tuple(plus(a, b) for a, b in zip(nominal_force, coupling.spread(reduction, U2), strict=True))
+    return coupling.spread(reduction, plus(coupling.restrict(reduction, nominal_force), U2))

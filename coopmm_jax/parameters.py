@@ -1,0 +1,140 @@
+"""Physical parameters, gains and settings of one rollout, as pytrees of scalars.
+
+Every field is a scalar (or a tuple of scalars, one per robot, channel or constraint row), so that one
+rollout is written on scalars and ``jax.vmap`` adds the batch axis. Defaults are section IV of the paper.
+
+>>> Inertia().m_p
+5.0
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+Scalar = Any  # a Python float, or a scalar jax.Array inside a traced rollout
+
+
+class Geometry(NamedTuple):
+    """Lengths of one robot [m]; known to the controller (the paper assumes B known below (2))."""
+
+    d: Scalar = 0.5  # centre of the platform ahead of the axle
+    l: Scalar = 0.5  # half track  # noqa: E741 - the paper's symbol
+    r: Scalar = 0.5  # wheel radius
+    l1: Scalar = 0.5  # half height of the column
+    l2: Scalar = 0.25  # half length of link 2
+    l3: Scalar = 0.25  # half length of link 3
+    mount_offset: Scalar = 0.0  # arm mount ahead of the axle
+
+
+class Inertia(NamedTuple):
+    """Masses [kg] and moments of inertia [kg m^2] of one robot."""
+
+    m_p: Scalar = 5.0  # platform
+    m1: Scalar = 1.0  # column
+    m2: Scalar = 0.5  # link 2
+    m3: Scalar = 0.5  # link 3
+    m_obj: Scalar = 0.0  # point mass carried at the tip (robot II: 0.5)
+    I_w: Scalar = 1.0  # one driven wheel, about its axle
+    I_p: Scalar = 2.5  # platform, about its centre
+    I1: Scalar = 1.0  # column, yaw
+    I2: Scalar = 0.5  # link 2, about its centre across the rod
+    I3: Scalar = 0.5  # link 3, likewise
+
+
+class Surface(NamedTuple):
+    """The coupling's geometry [m]: the object's concave arc and the guide that holds the object."""
+
+    contact_radius: Scalar = 0.7  # Rc
+    guide_radius: Scalar = 1.7  # radius of the object's circle
+    guide_height: Scalar = 1.0  # height of the object
+
+
+class Plant(NamedTuple):
+    """What is simulated: two robots, their coupling, gravity [m/s^2]."""
+
+    geometry: tuple[Geometry, Geometry] = (Geometry(), Geometry())
+    inertia: tuple[Inertia, Inertia] = (Inertia(), Inertia(m_obj=0.5))
+    surface: Surface = Surface()
+    gravity: Scalar = 9.81
+
+
+class Gains(NamedTuple):
+    """Design parameters of (12)-(24) and of the force control below (17)."""
+
+    k0: Scalar = 5.0
+    k1: Scalar = 180.0
+    k2: Scalar = 5.0
+    k3: Scalar = 5.0
+    K_a: Scalar = 2.0  # (13)
+    K_u: Scalar = 1.0  # arm entries of sigma's integral
+    K_sigma: tuple[Scalar, ...] = (0.5,) * 6  # one per independent velocity
+    gamma: tuple[Scalar, ...] = (0.1,) * 5  # adaptation rates (20)-(24)
+    c_hat0: tuple[Scalar, ...] = (1.0,) * 5
+    K_lambda: tuple[Scalar, ...] = (0.3,) * 4  # one per constraint row, > -1
+    K_I: tuple[Scalar, ...] = (1.5,) * 4  # [1/s]
+    beta: Scalar = 1.0  # bounds of Property 2.2
+    lam_min: Scalar = 1.0
+    delta_floor: Scalar = 0.0  # lower bound of delta_k(t) in (19)
+
+
+class Disturbance(NamedTuple):
+    """Torque amplitude * scale * sin(frequency t + phase) on every actuator [N m, rad/s, rad]."""
+
+    wheel: Scalar = 0.5
+    joint: Scalar = 0.1
+    scale: Scalar = 1.0
+    frequency: Scalar = 1.0
+    phase: Scalar = 0.0
+
+
+class Reference(NamedTuple):
+    """Desired motion and force of section IV."""
+
+    rate: Scalar = 1.0  # u_d1, platform yaw rate [rad/s]
+    radius: tuple[Scalar, Scalar] = (2.4, 1.0)  # z_d2 of each robot [m]
+    arm_centre: tuple[Scalar, Scalar] = (math.pi / 2, math.pi / 2)  # [rad]
+    arm_swing: tuple[Scalar, Scalar] = (math.pi / 6, 0.0)  # a1_d = centre - swing cos(arm_rate t) [rad]
+    arm_rate: Scalar = 1.0  # [rad/s]
+    contact_force: Scalar = 15.0  # lambda_d of the contact normal [N]
+
+
+class Pose(NamedTuple):
+    """Initial coordinates of one robot; a2 and a3 start Newton's iteration for the constraints."""
+
+    x: Scalar  # [m]
+    y: Scalar
+    th: Scalar  # [rad]
+    a1: Scalar
+    a2: Scalar
+    a3: Scalar
+
+
+PAPER_START = (Pose(2.5, 0.0, 0.0, 0.5253, -0.9273, 1.8546), Pose(1.2, 0.0, 0.0, 1.57, 2.62, 1.05))
+
+
+class Parameters(NamedTuple):
+    """Everything numeric a rollout depends on: differentiate or vmap over any part of it."""
+
+    plant: Plant = Plant()
+    nominal: tuple[Inertia, Inertia] = (Inertia(), Inertia(m_obj=0.5))  # the controller's model
+    gains: Gains = Gains()
+    disturbance: Disturbance = Disturbance()
+    reference: Reference = Reference()
+    start: tuple[Pose, Pose] = PAPER_START
+
+
+ALL_ROWS = ("contact_normal", "contact_height", "guide_radial", "guide_height")
+
+
+class Structure(NamedTuple):
+    """The choices that change the equations themselves; hashable, static under jit.
+
+    They are static because each one adds or removes whole terms and states, so a traced switch would make every
+    rollout pay for all of them.
+    """
+
+    rows: tuple[str, ...] = ALL_ROWS  # constraint rows of model.md section 2 in force
+    robust_term: str = "proof"  # proof | printed: where chat stands in (19)
+    u26: str = "printed"  # printed | corrected: U26 of (19)
+    feedforward: str = "projected"  # projected | full: how U1 + U2 becomes a force on all joints
