@@ -1,0 +1,17 @@
+"""Strict numerics for every test, and one compilation cache outside the checkout."""
+
+import os
+from pathlib import Path
+
+import jax
+
+_user_cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update(
+    "jax_compilation_cache_dir",
+    os.environ.get("JAX_COMPILATION_CACHE_DIR") or str(_user_cache / "coopmm_jax" / "tests"),
+)
+# JAX's own threshold of 1 s leaves out most of what these tests compile.
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)

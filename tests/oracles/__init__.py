@@ -1,0 +1,1 @@
+"""Second derivations of the dynamics, which share nothing with coopmm_jax but the parameters."""
