@@ -54,7 +54,7 @@ def use_fast_compilation() -> bool:
     if os.environ.get("COOPMM_NO_XLA_OPTIONS") == "1":
         return False
     if not _add_options(_WHILE_LOOPS, _MULTI_OUTPUT, _VECTOR_WIDTH):
-        raise RuntimeError("use_fast_compilation() must come before the first JAX computation, with no file in XLA_FLAGS")
+        raise RuntimeError("use_fast_compilation() must come before any computation, with no file in XLA_FLAGS")
     return True
 
 

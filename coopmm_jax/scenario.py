@@ -1,0 +1,198 @@
+"""Scenario: everything one simulation depends on, from a TOML file to the pytrees of ``parameters.py``.
+
+>>> scenario = load_scenario("paper", gains={"K_lambda": 2.0})
+>>> scenario.parameters().gains.K_lambda
+(2.0, 2.0, 2.0, 2.0)
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import model_validator
+
+from coopmm_jax import scenario_schema as schema
+from coopmm_jax.errors import UserError
+from coopmm_jax.overrides import merged
+from coopmm_jax.parameters import (
+    Disturbance,
+    Gains,
+    Geometry,
+    Inertia,
+    Parameters,
+    Plant,
+    Pose,
+    Reference,
+    Structure,
+    Surface,
+)
+from coopmm_jax.validation import closest, validate
+
+VELOCITIES = 10  # of both robots; each constraint row makes one of them dependent
+
+
+class Scenario(schema.Section):
+    """A complete, valid scenario; immutable and hashable. The defaults are the paper's section IV."""
+
+    description: str = ""
+    simulation: schema.Simulation = schema.Simulation()
+    plant: schema.Plant = schema.Plant()
+    coupling: schema.Coupling = schema.Coupling()
+    nominal: schema.Nominal = schema.Nominal()
+    law: schema.Law = schema.Law()
+    gains: schema.Gains = schema.Gains()
+    disturbance: schema.Disturbance = schema.Disturbance()
+    reference: schema.Reference = schema.Reference()
+    initial: schema.Initial = schema.Initial()
+
+    @property
+    def steps(self) -> int:
+        """Number of integration steps."""
+        return self.simulation.steps
+
+    def with_overrides(self, changes: Mapping[str, Any]) -> Scenario:
+        """A copy with some fields changed: ``scenario.with_overrides({"gains.K_lambda": 2})``.
+
+        Args:
+            changes: nested tables, or dotted names, to values.
+
+        Raises:
+            UserError: an unknown field, or a value it cannot have.
+        """
+        return validate(Scenario, merged(self.model_dump(exclude_none=True), changes))
+
+    def to_toml(self) -> str:
+        """The text of a scenario file that loads as an equal scenario, with every value spelt out."""
+        return tomli_w.dumps(self.model_dump(exclude_none=True))
+
+    def structure(self) -> Structure:
+        """The choices that change the equations themselves."""
+        law = self.law
+        return Structure(self.coupling.rows, law.robust_term, law.u26, law.feedforward)
+
+    def parameters(self) -> Parameters:
+        """Everything numeric, as Python floats in the pytree that a rollout takes."""
+        return Parameters(
+            plant=self._plant(),
+            nominal=self._nominal(),
+            gains=self._gains(),
+            disturbance=Disturbance(**self.disturbance.model_dump()),
+            reference=self._reference(),
+            start=_per_robot(Pose, self.initial.model_dump()),
+        )
+
+    def _plant(self) -> Plant:
+        values = self.plant.model_dump()
+        surface = Surface(**self.coupling.model_dump(exclude={"rows"}))
+        return Plant(_per_robot(Geometry, values), _inertias(values), surface, self.plant.gravity)
+
+    def _nominal(self) -> tuple[Inertia, Inertia]:
+        plant = {name: _scaled(getattr(self.plant, name), self.nominal.scale) for name in Inertia._fields}
+        return _inertias(plant | self.nominal.model_dump(exclude={"scale"}, exclude_none=True))
+
+    def _gains(self) -> Gains:
+        values = self.gains.model_dump() | {"delta_floor": self.law.delta_floor}
+        counts = {"gamma": 5, "c_hat0": 5} | {name: count for name, (count, _) in self._entries().items()}
+        return Gains(**values | {name: _spread(values[name], count) for name, count in counts.items()})
+
+    def _reference(self) -> Reference:
+        values = self.reference.model_dump()
+        return Reference(**values | {name: _spread(values[name], 2) for name in ("radius", "arm_centre", "arm_swing")})
+
+    def _entries(self) -> dict[str, tuple[int, str]]:
+        """The gains whose number follows from the constraint rows: how many, and one for each of what."""
+        rows = len(self.coupling.rows)
+        per_row = (rows, "constraint row")
+        return {"K_sigma": (VELOCITIES - rows, "independent velocity"), "K_lambda": per_row, "K_I": per_row}
+
+    @model_validator(mode="after")
+    def _numbers_of_gains(self) -> Scenario:
+        for name, (count, what) in self._entries().items():
+            value = getattr(self.gains, name)
+            if isinstance(value, tuple) and len(value) != count:
+                must = f"one number or a list of {count}, one per {what}"
+                raise UserError(f"gains.{name}", must, f"a list of {len(value)}")
+        return self
+
+
+def load_scenario(name_or_path: str | Path, **overrides: Any) -> Scenario:
+    """A shipped scenario by name, or a scenario file by path, with some fields changed.
+
+    Args:
+        name_or_path: a name from ``list_scenarios()``, or the path of a TOML file.
+        overrides: sections, as tables of the fields to change: ``gains={"K_lambda": 2.0}``.
+
+    Raises:
+        UserError: no such scenario, a file that is not TOML, an unknown field, or a value it cannot have.
+
+    >>> load_scenario("paper").steps
+    20000
+    """
+    return validate(Scenario, merged(_read(_find(str(name_or_path), Path())), overrides))
+
+
+def list_scenarios() -> dict[str, str]:
+    """The shipped scenarios: name -> one line of description.
+
+    >>> "paper" in list_scenarios()
+    True
+    """
+    return {name: load_scenario(name).description for name in sorted(_shipped())}
+
+
+def _shipped() -> dict[str, Path]:
+    folder = Path(str(resources.files("coopmm_jax"))) / "scenarios"
+    return {path.stem: path for path in folder.glob("*.toml")}
+
+
+def _find(name_or_path: str, folder: Path) -> Path:
+    """The file that a name, or a path relative to ``folder``, stands for."""
+    shipped = _shipped()
+    if name_or_path in shipped:
+        return shipped[name_or_path]
+    path = folder / name_or_path
+    if path.suffix == ".toml" or path.is_file():
+        return path
+    names = ", ".join(sorted(shipped))
+    raise UserError("scenario", f"one of {names} or a .toml file{closest(name_or_path, shipped)}", name_or_path)
+
+
+def _read(path: Path, heirs: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """The tables of a scenario file, laid over those of its ``base``; ``heirs`` are the files that led here."""
+    if path.resolve() in heirs:
+        raise UserError("base", "a scenario that does not inherit from this one", path)
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError("scenario", "a file that can be read", f"{path} ({error.strerror})") from None
+    except ValueError as error:  # of the TOML parser, which says where, or of the decoding
+        raise UserError("scenario", "a TOML file", f"{path} ({error})") from None
+    base = tables.pop("base", None)
+    if base is None:
+        return tables
+    if not isinstance(base, str):
+        raise UserError("base", "the name or path of a scenario", base)
+    return merged(_read(_find(base, path.parent), (*heirs, path.resolve())), tables)
+
+
+def _spread(value: Any, count: int) -> tuple[Any, ...]:
+    return value if isinstance(value, tuple) else (value,) * count
+
+
+def _scaled(value: Any, factor: float) -> Any:
+    return tuple(factor * entry for entry in value) if isinstance(value, tuple) else factor * value
+
+
+def _per_robot(kind: type, values: Mapping[str, Any]) -> tuple[Any, Any]:
+    """One ``kind`` for each robot, from numbers and pairs named as its fields."""
+    columns = [_spread(values[name], 2) for name in kind._fields]
+    return kind(*(first for first, _ in columns)), kind(*(second for _, second in columns))
+
+
+def _inertias(values: Mapping[str, Any]) -> tuple[Inertia, Inertia]:
+    return _per_robot(Inertia, {**values, "m_obj": (0.0, values["m_obj"])})  # robot II carries the object
