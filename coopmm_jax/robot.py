@@ -159,14 +159,25 @@ def body_map_rate(position: Position, u: Vector) -> Vector:
     return (u[0] * u[0] * position.z3, 0, 0, 0, 0)
 
 
-def inverse_dynamics(inertia: Matrix, bias: Vector, T: Matrix, T_rate: Vector, acceleration: Vector) -> Vector:
-    """Generalised force M_i2 udot + C_i2 u + G_i2 of (9) for the acceleration udot (5,) [N m, N, N m, N m, N m].
+class Dynamics(NamedTuple):
+    """(9) of one robot at one state, in body rates: M w' + bias with w' = T udot."""
 
-    Args:
-        inertia, bias: in body rates, as from ``body_inertia`` and ``body_bias``.
-        T, T_rate: ``body_map`` and ``body_map_rate``.
-    """
-    return T.T @ plus(inertia @ plus(T @ acceleration, T_rate), bias)
+    inertia: Matrix
+    bias: Vector  # Coriolis, centrifugal, gravity, and M Tdot u
+
+
+def dynamics(
+    lumped: Lumped, geometry: Geometry, gravity: Scalar, position: Position, arm: Posture, T: Matrix, velocity: Vector
+) -> Dynamics:
+    """Inertia and bias of one robot moving at ``velocity`` u (5,)."""
+    inertia = body_inertia(lumped, geometry, arm)
+    bias = body_bias(lumped, geometry, gravity, arm, T @ velocity)
+    return Dynamics(inertia, plus(inertia @ body_map_rate(position, velocity), bias))
+
+
+def inverse_dynamics(d: Dynamics, T: Matrix, acceleration: Vector) -> Vector:
+    """Generalised force M_i2 udot + C_i2 u + G_i2 of (9) in u (5,) [N m, N, N m, N m, N m]."""
+    return T.T @ plus(d.inertia @ (T @ acceleration), d.bias)
 
 
 def actuator_force(geometry: Geometry, position: Position, torque: Vector) -> Vector:
@@ -201,6 +212,12 @@ def tip_position(geometry: Geometry, position: Position, arm: Posture) -> tuple[
     return along, -arm.c1 * position.z2 - arm.s1 * forward
 
 
+def tip_in_platform(geometry: Geometry, position: Position, arm: Posture) -> Vector:
+    """Tip along the platform's lateral and forward axes from the world's origin, and its height [m]."""
+    lateral = position.z2 - arm.reach * arm.s1
+    return lateral, position.z3 + geometry.mount_offset + arm.reach * arm.c1, arm.height
+
+
 def tip_bias(geometry: Geometry, arm: Posture, rates: Vector, T_rate: Vector) -> Vector:
     """Acceleration of the tip along e, n and up when udot = 0 [m/s^2]."""
     b = geometry.mount_offset
@@ -211,19 +228,3 @@ def tip_bias(geometry: Geometry, arm: Posture, rates: Vector, T_rate: Vector) ->
     along = -arm.s1 * lateral + arm.c1 * forward - arm.cA * A2 - arm.cB * B2 - W * W * arm.reach
     across = -arm.c1 * lateral - arm.s1 * forward + 2.0 * W * reach_rate
     return along, across, -(arm.sA * A2 + arm.sB * B2)
-
-
-def required_force(
-    geometry: Geometry,
-    lumped: Lumped,
-    gravity: Scalar,
-    position: Position,
-    arm: Posture,
-    T: Matrix,
-    velocity: Vector,
-    acceleration: Vector,
-) -> Vector:
-    """(9) solved for the force: M udot + C u + G of one robot in u (5,), constraint forces left out."""
-    inertia = body_inertia(lumped, geometry, arm)
-    bias = body_bias(lumped, geometry, gravity, arm, T @ velocity)
-    return inverse_dynamics(inertia, bias, T, body_map_rate(position, velocity), acceleration)

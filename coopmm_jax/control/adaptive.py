@@ -32,11 +32,8 @@ def boundary_layer(gains: Gains, t: Scalar) -> Scalar:
 
 def adaptation(gains: Gains, f: Regressors, sigma: Vector, c_hat: Vector, t: Scalar) -> Vector:
     """(20)-(24): rates of the bound estimates chat (5,)."""
-    size = norm(sigma)
-    return tuple(
-        -schedule(t) * c + gamma / gains.lam_min * size * f_k
-        for c, gamma, f_k in zip(c_hat, gains.gamma, f, strict=True)
-    )
+    alpha, size = schedule(t), norm(sigma) / gains.lam_min
+    return tuple(gamma * size * f_k - alpha * c for c, gamma, f_k in zip(c_hat, gains.gamma, f, strict=True))
 
 
 def robust_force(
@@ -73,4 +70,3 @@ def _u26_gain(
     if structure.u26 == "corrected":
         return gains.beta * Lambda2 / (Lambda * size + delta)
     return gains.beta * norm(platform_error) * Lambda2 / (Lambda * size * size + delta)
-

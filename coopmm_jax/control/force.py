@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from coopmm_jax.components import Vector, minus, plus
+from coopmm_jax.components import Vector, minus
 from coopmm_jax.parameters import Gains
 
 
 def force_command(gains: Gains, desired: Vector, error: Vector, integral: Vector) -> Vector:
     """lambda_h (m,) [N] from the force error e (m,) [N] and its integral [N s]."""
     return tuple(
-        d - kp * e - ki * E
-        for d, kp, ki, e, E in zip(desired, gains.K_lambda, gains.K_I, error, integral, strict=True)
+        d - kp * e - ki * E for d, kp, ki, e, E in zip(desired, gains.K_lambda, gains.K_I, error, integral, strict=True)
     )
 
 
@@ -27,8 +26,3 @@ def ideal_force_error(gains: Gains, without_feedback: Vector, desired: Vector, i
         (free - ki * E) / (1.0 + kp)
         for free, kp, ki, E in zip(minus(without_feedback, desired), gains.K_lambda, gains.K_I, integral, strict=True)
     )
-
-
-def multipliers_with(command: Vector, motion_multipliers: Vector) -> Vector:
-    """lambda (m,) [N]: what the motion force alone leaves to the constraints, plus lambda_h, which B tau takes off."""
-    return plus(motion_multipliers, command)

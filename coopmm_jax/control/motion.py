@@ -9,7 +9,8 @@ import jax
 from coopmm_jax import coupling, robot
 from coopmm_jax.components import Scalar, Vector, minus, norm, plus, scaled
 from coopmm_jax.control import adaptive, backstepping
-from coopmm_jax.parameters import Gains, Geometry, Inertia, Reference, Structure
+from coopmm_jax.model import Model
+from coopmm_jax.parameters import Gains, Reference, Structure
 from coopmm_jax.reference import desired_motion
 
 
@@ -48,7 +49,9 @@ def split(part: coupling.Partition, independent: Vector) -> tuple[Vector, Vector
 
 def arm_joints(part: coupling.Partition, position: tuple[robot.Position, robot.Position]) -> tuple[Vector, Vector]:
     """Independent arm joints of each robot [rad]: u's entry j >= 2 is the rate of Position's field j + 1."""
-    return tuple(tuple(p[j + 1] for j in joints if j >= 2) for p, joints in zip(position, part.independent, strict=True))
+    return tuple(
+        tuple(p[j + 1] for j in joints if j >= 2) for p, joints in zip(position, part.independent, strict=True)
+    )
 
 
 def reference_velocities(
@@ -105,47 +108,30 @@ def motion_errors(
 
 
 def motion_control(
-    structure: Structure,
-    gains: Gains,
-    reference: Reference,
-    geometry: tuple[Geometry, Geometry],
-    nominal: tuple[Inertia, Inertia],
-    gravity: Scalar,
-    t: Scalar,
-    bodies: coupling.Bodies,
-    reduction: coupling.Reduction,
-    independent: Vector,
-    velocity: tuple[Vector, Vector],
-    L_rate: tuple[Vector, Vector],
-    memory: Memory,
+    structure: Structure, model: Model, t: Scalar, k: coupling.Kinematics, independent: Vector, memory: Memory
 ) -> MotionCommand:
     """(18)-(24) with the nominal model, and the generalised force F on all joints.
 
     Args:
-        independent: u^1 (n,). velocity: L u^1 of each robot. L_rate: Ldot u^1 of each robot.
+        independent: u^1 (n,), as measured. k: kinematics at the measured state.
     """
-    part = reduction.part
-    targets = desired_motion(reference, t)
+    gains, part, position = model.gains, k.reduction.part, k.bodies.position
+    targets = desired_motion(model.reference, t)
     eta_rates = tuple(
-        backstepping.eta_rate(gains, d, p, e) for d, p, e in zip(targets, bodies.position, memory.eta, strict=True)
+        backstepping.eta_rate(gains, d, p, e) for d, p, e in zip(targets, position, memory.eta, strict=True)
     )
-    rates = position_rates(bodies.position, velocity)
-    errors = motion_errors(gains, reference, part, t, bodies.position, rates, independent, memory, eta_rates)
-    damping = tuple(k * s for k, s in zip(gains.K_sigma, errors.sigma, strict=True))
+    rates = position_rates(position, k.velocity)
+    errors = motion_errors(gains, model.reference, part, t, position, rates, independent, memory, eta_rates)
+    damping = tuple(gain * s for gain, s in zip(gains.K_sigma, errors.sigma, strict=True))
     acceleration = minus(errors.nu_rate, damping)
     utilde = split(part, errors.utilde)
 
-    f = regressors(reduction, acceleration, independent, rates)
-    coupling_signal = sum(
-        (backstepping.coupling_signal(gains, d, p) for d, p in zip(targets, bodies.position, strict=True)), ()
-    )
+    f = regressors(k.reduction, acceleration, independent, rates)
+    signal = sum((backstepping.coupling_signal(gains, d, p) for d, p in zip(targets, position, strict=True)), ())
     platform_error = utilde[0][:2] + utilde[1][:2]
-    U2 = adaptive.robust_force(
-        structure, gains, f, errors.sigma, memory.c_hat, platform_error, coupling_signal, t
-    )
-    nominal_force = _nominal_force(geometry, nominal, gravity, bodies, reduction, velocity, L_rate, acceleration)
+    U2 = adaptive.robust_force(structure, gains, f, errors.sigma, memory.c_hat, platform_error, signal, t)
     return MotionCommand(
-        force=_on_all_joints(structure, reduction, nominal_force, U2),
+        force=_on_all_joints(structure, k.reduction, _nominal_force(model, k, acceleration), U2),
         sigma=errors.sigma,
         integral_rate=utilde[0][2:] + utilde[1][2:],
         eta_rate=eta_rates,
@@ -167,15 +153,11 @@ def regressors(
     )
 
 
-def _nominal_force(geometry, nominal, gravity, bodies, reduction, velocity, L_rate, acceleration):
+def _nominal_force(model: Model, k: coupling.Kinematics, acceleration: Vector) -> tuple[Vector, Vector]:
     """M0 (L (nudot - K_sigma sigma) + Ldot u^1) + h0 on each robot; L^T times it is U1 of (18)."""
-    wanted = tuple(plus(a, b) for a, b in zip(coupling.expand(reduction, acceleration), L_rate, strict=True))
-    return tuple(
-        robot.required_force(g, robot.lump(g, i), gravity, p, arm, T, u, a)
-        for g, i, p, arm, T, u, a in zip(
-            geometry, nominal, bodies.position, bodies.arm, bodies.T, velocity, wanted, strict=True
-        )
-    )
+    wanted = tuple(plus(a, b) for a, b in zip(coupling.expand(k.reduction, acceleration), k.L_rate, strict=True))
+    dynamics = coupling.robot_dynamics(model, model.nominal, k)
+    return tuple(robot.inverse_dynamics(d, T, a) for d, T, a in zip(dynamics, k.bodies.T, wanted, strict=True))
 
 
 def _on_all_joints(

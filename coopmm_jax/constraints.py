@@ -1,0 +1,127 @@
+"""The constraint rows: residual phi, Jacobian J, and Jdot u, row by row (model.md section 2).
+
+``contact_normal`` and ``contact_height`` tie the tip of robot I to the object carried by robot II; ``guide_radial`` and
+``guide_height`` hold robot II's tip, the object, on its circle. Tips and the arc's centre are handled along the two arms'
+own horizontal axes (e along the arm, n across), so only the angle between the arms meets a sine.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from coopmm_jax import robot
+from coopmm_jax.components import Matrix, Scalar, Vector, dot, minus, plus, scaled, sincos, sub
+from coopmm_jax.parameters import Geometry, Surface
+
+JOINTS = 5  # velocities u of one robot: u1, u2, a1dot, a2dot, a3dot
+
+
+class Bodies(NamedTuple):
+    """Both robots' kinematics at one instant (each field a pair, robot I and II)."""
+
+    position: tuple[robot.Position, robot.Position]
+    arm: tuple[robot.Posture, robot.Posture]
+    T: tuple[Matrix, Matrix]  # body rates from u
+
+
+class Rows(NamedTuple):
+    """The constraint rows: residual phi [m], Jacobian blocks J1, J2 (m x 5 each) in u."""
+
+    phi: Vector
+    J: tuple[Matrix, Matrix]
+    contacts: int  # rows that act on both robots; the rest act on robot II
+    contact_point: Vector  # D = p1 - C along arm II's axes (e, n) [m]
+
+
+def bodies(geometry: tuple[Geometry, Geometry], position: tuple[robot.Position, robot.Position]) -> Bodies:
+    """Kinematics shared by inertia, constraints and control."""
+    return Bodies(
+        position,
+        tuple(robot.posture(g, p) for g, p in zip(geometry, position, strict=True)),
+        tuple(robot.body_map(p) for p in position),
+    )
+
+
+class _Contact(NamedTuple):
+    """D = p1 - C from the arc's centre C = p2 - Rc e2 to tip I, along both arms' own axes (e, n)."""
+
+    D1: tuple[Scalar, Scalar]
+    D2: tuple[Scalar, Scalar]
+    turn: tuple[Scalar, Scalar]  # sine and cosine of arm I's direction less arm II's
+    tip2: tuple[Scalar, Scalar]
+
+
+def _contact(surface: Surface, geometry: tuple[Geometry, Geometry], b: Bodies) -> _Contact:
+    tip1, tip2 = (robot.tip_position(g, p, a) for g, p, a in zip(geometry, b.position, b.arm, strict=True))
+    one, two = b.position
+    s, c = sincos((one.z1 - two.z1) + (one.a1 - two.a1))
+    centre = _to_arm1((s, c), (tip2[0] - surface.contact_radius, tip2[1]))
+    D1 = minus(tip1, centre)
+    D2 = (c * D1[0] - s * D1[1], s * D1[0] + c * D1[1])
+    return _Contact(D1, D2, (s, c), tip2)
+
+
+def _to_arm1(turn: tuple[Scalar, Scalar], vector: Vector) -> Vector:
+    """A horizontal vector given along arm II's axes, along arm I's."""
+    s, c = turn
+    return c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]
+
+
+def constraint_rows(surface: Surface, geometry: tuple[Geometry, Geometry], names: tuple[str, ...], b: Bodies) -> Rows:
+    """phi and J of the rows in force; J u = 0.
+
+    Args:
+        names: constraint rows, in the order of ``ALL_ROWS``.
+    """
+    Rc, Rg = surface.contact_radius, surface.guide_radius
+    contact = _contact(surface, geometry, b)
+    (e1, n1, up1), (e2, n2, up2) = (robot.tip_rows(g, a) for g, a in zip(geometry, b.arm, strict=True))
+    n_centre = (*n2[:2], sub(n2[2], Rc), *n2[3:])  # the centre's velocity across arm II: tip's less Rc times arm yaw
+    none = (0,) * JOINTS
+    p = contact.tip2
+    table = {
+        "contact_normal": (
+            (Rc * Rc - dot(contact.D1, contact.D1)) / (2.0 * Rc),
+            scaled(-1.0 / Rc, plus(scaled(contact.D1[0], e1), scaled(contact.D1[1], n1))),
+            scaled(1.0 / Rc, plus(scaled(contact.D2[0], e2), scaled(contact.D2[1], n_centre))),
+        ),
+        "contact_height": (b.arm[0].height - b.arm[1].height, up1, tuple(sub(0, x) for x in up2)),
+        "guide_radial": (
+            (dot(p, p) - Rg * Rg) / (2.0 * Rg),
+            none,
+            scaled(1.0 / Rg, plus(scaled(p[0], e2), scaled(p[1], n2))),
+        ),
+        "guide_height": (b.arm[1].height - surface.guide_height, none, up2),
+    }
+    phi, J1, J2 = zip(*(table[name] for name in names), strict=True)
+    contacts = sum(name.startswith("contact") for name in names)
+    return Rows(phi, (Matrix(J1) @ b.T[0], Matrix(J2) @ b.T[1]), contacts, contact.D2)
+
+
+def convective(
+    surface: Surface,
+    geometry: tuple[Geometry, Geometry],
+    names: tuple[str, ...],
+    b: Bodies,
+    velocity: tuple[Vector, Vector],
+) -> Vector:
+    """Jdot u (m,) [m/s^2]: acceleration of the rows when udot = 0. ``velocity`` is u of each robot (5,)."""
+    Rc = surface.contact_radius
+    contact = _contact(surface, geometry, b)
+    rates = tuple(T @ u for T, u in zip(b.T, velocity, strict=True))
+    tips = tuple(robot.tip_rows(g, a) for g, a in zip(geometry, b.arm, strict=True))
+    speed = tuple(tuple(dot(row, w) for row in rows) for rows, w in zip(tips, rates, strict=True))
+    acceleration = tuple(
+        robot.tip_bias(g, a, w, robot.body_map_rate(p, u))
+        for g, p, a, w, u in zip(geometry, b.position, b.arm, rates, velocity, strict=True)
+    )
+    (v1, v2), (a1, a2), W2 = speed, acceleration, rates[1][2]
+    D_rate = minus(v1[:2], _to_arm1(contact.turn, (v2[0], v2[1] - Rc * W2)))
+    D_acceleration = minus(a1[:2], _to_arm1(contact.turn, (a2[0] + Rc * W2 * W2, a2[1])))
+    table = {
+        "contact_normal": -(dot(D_rate, D_rate) + dot(contact.D1, D_acceleration)) / Rc,
+        "contact_height": a1[2] - a2[2],
+        "guide_radial": (dot(v2[:2], v2[:2]) + dot(contact.tip2, a2[:2])) / surface.guide_radius,
+        "guide_height": a2[2],
+    }
+    return tuple(table[name] for name in names)

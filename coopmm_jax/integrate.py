@@ -1,0 +1,65 @@
+"""Fixed-step RK4 in a ``lax.scan``: the innermost loop of everything here.
+
+The four stages are an inner scan of their own, so the vector field is compiled once instead of four times: half the
+compile time at the same speed. Gradients through long horizons use nested checkpoints: a scan of scans that keeps the
+state at every segment's start and recomputes inside, a few MB instead of gigabytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+PyTree = Any
+# Nodes and weights of the classical Runge-Kutta method; each stage starts from the slope of the one before.
+_NODES = (0.0, 0.5, 0.5, 1.0)
+_WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+
+
+def rk4_step(field: Callable, t: Any, step: Any, state: PyTree) -> tuple[PyTree, PyTree]:
+    """One classical Runge-Kutta step.
+
+    Args:
+        field: (t, state) -> (rates, signals). t, step: scalars [s]. state: pytree of scalars.
+
+    Returns:
+        The state at t + step, and the signals at t: those of the first stage, so they cost nothing.
+
+    >>> rk4_step(lambda t, x: (-x, x), 0.0, 0.1, jnp.float32(1.0))[0]
+    Array(0.9048375, dtype=float32)
+    """
+
+    def stage(carry: tuple, node_weight: tuple) -> tuple:
+        slope, total = carry
+        node, weight = node_weight
+        rates, signals = field(t + node * step, jax.tree.map(lambda x, k: x + node * step * k, state, slope))
+        return (rates, jax.tree.map(lambda x, k: x + weight * step * k, total, rates)), signals
+
+    dtype = jnp.result_type(*jax.tree.leaves(state))
+    table = (jnp.asarray(_NODES, dtype), jnp.asarray(_WEIGHTS, dtype))
+    (_, total), signals = jax.lax.scan(stage, (jax.tree.map(jnp.zeros_like, state), state), table)
+    return total, jax.tree.map(lambda s: s[0], signals)
+
+
+def scan_segments(
+    advance: Callable, carry: PyTree, segments: int, length: int, checkpoint: bool
+) -> tuple[PyTree, PyTree]:
+    """Run ``advance`` segments * length times and keep what the first step of each segment reports.
+
+    Args:
+        advance: (carry, i) -> (carry, report) for step i. checkpoint: recompute segments in the reverse pass instead of
+            keeping every step's intermediate values; pays off only under ``jax.grad``.
+
+    Returns:
+        The last carry, and the reports stacked along a leading axis of ``segments``.
+    """
+
+    def segment(carry: PyTree, start: Any) -> tuple[PyTree, PyTree]:
+        carry, reports = jax.lax.scan(advance, carry, start + jnp.arange(length, dtype=jnp.int32))
+        return carry, jax.tree.map(lambda x: x[0], reports)
+
+    body = jax.checkpoint(segment) if checkpoint else segment
+    return jax.lax.scan(body, carry, length * jnp.arange(segments, dtype=jnp.int32))
