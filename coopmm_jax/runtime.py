@@ -46,16 +46,15 @@ def use_fast_compilation() -> bool:
     only if a restarted kernel would cost you nothing.
 
     Returns:
-        False if the environment variable COOPMM_NO_XLA_OPTIONS is 1, which leaves everything as it was.
+        Whether XLA will see the options: not if COOPMM_NO_XLA_OPTIONS is 1 or XLA_FLAGS names a file.
 
     Raises:
-        RuntimeError: XLA would never see the options, because a JAX backend is up or XLA_FLAGS names a file.
+        RuntimeError: a JAX backend is up, so it is too late.
     """
-    if os.environ.get("COOPMM_NO_XLA_OPTIONS") == "1":
-        return False
-    if not _add_options(_WHILE_LOOPS, _MULTI_OUTPUT, _VECTOR_WIDTH):
-        raise RuntimeError("use_fast_compilation() must come before any computation, with no file in XLA_FLAGS")
-    return True
+    options = (_WHILE_LOOPS, _MULTI_OUTPUT, _VECTOR_WIDTH)
+    if backend_is_up() and _missing(options) and not _disabled():
+        raise RuntimeError("use_fast_compilation() comes too late: call it before the first JAX computation")
+    return _add_options(*options)
 
 
 def use_compilation_cache() -> Path:
@@ -79,17 +78,23 @@ def use_compilation_cache() -> Path:
 
 
 def _add_options(*options: str) -> bool:
-    """Append to XLA_FLAGS the options whose name the user has not set there; False if XLA will not see them all."""
-    flags = os.environ.get("XLA_FLAGS", "")
-    missing = [option for option in options if _name(option) not in flags]
+    """Append to XLA_FLAGS what it does not set yet; False if XLA will not see all of the options."""
+    missing = _missing(options)
     if not missing:
         return True
-    names_a_file = flags.strip() != "" and not flags.lstrip().startswith("--")
-    if os.environ.get("COOPMM_NO_XLA_OPTIONS") == "1" or backend_is_up() or names_a_file:
+    flags = os.environ.get("XLA_FLAGS", "").strip()
+    names_a_file = flags != "" and not flags.startswith("--")
+    if _disabled() or backend_is_up() or names_a_file:
         return False
     os.environ["XLA_FLAGS"] = " ".join([flags, *missing]).strip()  # XLA merges repeated --xla_backend_extra_options
     return True
 
 
-def _name(option: str) -> str:
-    return option.split("=")[-2].lstrip("-")
+def _missing(options: tuple[str, ...]) -> list[str]:
+    """The options whose name, "name" of ``--[...=]name=value``, does not appear in XLA_FLAGS."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    return [option for option in options if option.split("=")[-2].lstrip("-") not in flags]
+
+
+def _disabled() -> bool:
+    return os.environ.get("COOPMM_NO_XLA_OPTIONS") == "1"

@@ -141,7 +141,7 @@ class Law(Section):
     robust_term: Literal["proof", "printed"] = _field(_structure.robust_term, "where c_hat stands in (19)")
     u26: Literal["printed", "corrected"] = _field(_structure.u26, "form of U26 in (19)")
     feedforward: Literal["projected", "full"] = _field(
-        _structure.feedforward, "how U1 + U2 becomes a force: the proof's after (40), or (17)'s"
+        _structure.feedforward, "how U1 + U2 becomes a force, as after (40) or as in (17)"
     )
     delta_floor: NotNegative = _field(_gains.delta_floor, "lower bound of delta(t) in (19) [-]")
 
