@@ -1,0 +1,179 @@
+"""The command line: exit codes, messages, overrides and result folders, around a stand-in for the simulation."""
+
+import json
+import os
+import subprocess
+import sys
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+from coopmm_jax import __version__, overrides
+from coopmm_jax.cli import main
+from coopmm_jax.errors import UserError
+from coopmm_jax.scenario import Scenario, load_scenario
+from coopmm_jax.store import ARRAYS
+
+FAILED = SimpleNamespace(name="SINGULAR_GUIDE", message="arm of robot II became singular")
+
+
+class StandIn:
+    """Takes the place of ``coopmm_jax.simulate``: remembers the scenario, returns a short trajectory."""
+
+    def __init__(self):
+        self.scenario = None
+        self.outcome = {"status": SimpleNamespace(name="OK", message="completed"), "ok": True, "status_time": None}
+
+    def __call__(self, scenario):
+        self.scenario = scenario
+        arrays = {name: np.full(3, i, float) for i, name in enumerate(ARRAYS)}
+        metrics = {"contact_force_rms": 0.25, "never": float("nan")}
+        return SimpleNamespace(**arrays, metrics=metrics, **self.outcome)
+
+
+@pytest.fixture
+def simulation(monkeypatch):
+    module = ModuleType("coopmm_jax.simulate")
+    module.simulate = StandIn()
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    return module.simulate
+
+
+def test_scenarios_lists_one_line_each(capsys):
+    assert main(["scenarios"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["paper", "paper_full", "uncertain"]
+    assert load_scenario("uncertain").description in lines[2]
+
+
+def test_version_and_help(capsys):
+    for arguments, shown in ((["--version"], f"coopmm {__version__}"), (["--help"], "simulate one scenario")):
+        with pytest.raises(SystemExit) as ended:
+            main(arguments)
+        assert ended.value.code == 0
+        assert shown in capsys.readouterr().out
+
+
+def test_help_of_simulate_names_every_field_with_unit_and_default(capsys):
+    with pytest.raises(SystemExit):
+        main(["simulate", "--help"])
+    lines = capsys.readouterr().out.splitlines()
+    assert "  --plant.m-p                  mass of the platform [kg] (default 5)" in lines
+    assert "  --reference.radius           radius z_d2 of the platform's circle [m] (default 2.4 1)" in lines
+    fields = [f"{section}.{field}" for section, value in Scenario() if section != "description" for field, _ in value]
+    options = [line.split()[0] for line in lines if line.startswith("  --") and "." in line.split()[0]]
+    assert options == [f"--{field.replace('_', '-')}" for field in fields]
+
+
+def test_simulate_prints_metrics(simulation, capsys):
+    assert main(["simulate", "paper"]) == 0
+    assert simulation.scenario == load_scenario("paper")
+    out = capsys.readouterr().out
+    assert "20 s in 20000 steps of 0.001 s, float64" in out
+    assert "  contact_force_rms  0.25\n" in out
+
+
+def test_overrides_reach_the_scenario(simulation):
+    gains = "--gains.K-sigma 1 1 1 2 -0.0 2e-1 --gains.K_lambda=-0.5"
+    others = "--law.feedforward full --plant.m-p [4,6] --precision float32 --initial.a2 -1e-1 2.6"
+    assert main(["simulate", "uncertain", *gains.split(), *others.split()]) == 0
+    scenario = simulation.scenario
+    assert scenario.gains.K_sigma == (1.0, 1.0, 1.0, 2.0, 0.0, 0.2)
+    assert scenario.gains.K_lambda == -0.5
+    assert scenario.law.feedforward == "full"
+    assert scenario.plant.m_p == (4.0, 6.0)
+    assert scenario.initial.a2 == (-0.1, 2.6)
+    assert scenario.simulation.precision == "float32"
+    assert scenario.nominal.scale == 0.8
+
+
+def test_override_with_equals_takes_one_value():
+    assert overrides.split(["--a.b=1", "paper", "--out", "c.d"]) == (["paper", "--out", "c.d"], {"a.b": 1})
+
+
+def test_override_is_not_a_way_to_write_other_fields():
+    assert overrides.value_of("1\nother = 2") == "1\nother = 2"
+
+
+def test_results_are_written(simulation, tmp_path, capsys):
+    out = tmp_path / "run"
+    assert main(["simulate", "paper", "--gains.k0", "4", "--out", str(out)]) == 0
+    assert f"written to {out}" in capsys.readouterr().out
+    assert sorted(path.name for path in out.iterdir()) == ["scenario.toml", "summary.json", "trajectory.npz"]
+    assert load_scenario(out / "scenario.toml") == simulation.scenario
+    with np.load(out / "trajectory.npz") as saved:
+        assert set(saved) == set(ARRAYS)
+        assert saved["torque"].tolist() == [ARRAYS.index("torque")] * 3
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["status"] == "OK"
+    assert summary["metrics"] == {"contact_force_rms": 0.25, "never": None}
+    assert summary["scenario"]["gains"]["k0"] == 4.0
+
+
+def test_failed_rollout_is_told_and_kept(simulation, tmp_path, capsys):
+    simulation.outcome = {"status": FAILED, "ok": False, "status_time": 1.25}
+    assert main(["simulate", "paper", "--out", str(tmp_path)]) == 3
+    said = "coopmm: rollout failed: SINGULAR_GUIDE at t = 1.25 s: arm of robot II became singular\n"
+    assert capsys.readouterr().err == said
+    assert json.loads((tmp_path / "summary.json").read_text())["status_time"] == 1.25
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "the following arguments are required: COMMAND"),
+        (["simulate"], "the following arguments are required: SCENARIO"),
+        (["simulte"], "argument COMMAND: invalid choice: 'simulte' (choose from "),
+        (["simulate", "papr"], "scenario: must be one of paper, paper_full, uncertain or a .toml file (did"),
+        (["simulate", "paper", "--gains.K-lambda", "-2"], "gains.K_lambda: must be greater than -1, was -2"),
+        (
+            ["simulate", "paper", "--gains.K-lamda", "2"],
+            "gains.K_lamda: must be a field of [gains] (did you mean K_lambda?), was unknown",
+        ),
+        (["simulate", "paper", "--gains.K-lambda", "--out", "x"], "--gains.K_lambda: must be followed by a value"),
+        (["simulate", "paper", "--law.u26", "fixed"], "law.u26: must be 'printed' or 'corrected', was \"fixed\""),
+        (
+            ["simulate", "paper", "--K-lambda", "2"],
+            "--K-lambda: must be an option of coopmm simulate (did you mean --gains.K-lambda?), was unknown",
+        ),
+        (["simulate", "paper", "--precision", "half"], "argument --precision: invalid choice: 'half'"),
+        (["scenarios", "--gains.k0", "2"], "--gains.k0: must be given to a command that runs a scenario"),
+    ],
+)
+def test_user_errors_are_one_line_and_code_2(arguments, message, capsys):
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"coopmm: error: {message}")
+    assert captured.err.count("\n") == 1
+
+
+def test_unusable_output_folder_is_found_before_the_run(simulation, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert main(["simulate", "paper", "--out", str(tmp_path / "file")]) == 2
+    assert simulation.scenario is None
+    assert "--out: must be a folder that can be written, was" in capsys.readouterr().err
+
+
+def test_errors_of_the_simulation_leave_nothing_behind(simulation, monkeypatch, tmp_path, capsys):
+    def unreachable(scenario):
+        raise UserError("initial", "within reach of the contact", "out of reach")
+
+    monkeypatch.setattr(sys.modules["coopmm_jax.simulate"], "simulate", unreachable)
+    assert main(["simulate", "paper", "--out", str(tmp_path / "run")]) == 2
+    assert list(tmp_path.iterdir()) == []
+    assert capsys.readouterr().err == "coopmm: error: initial: must be within reach of the contact, was out of reach\n"
+
+
+def test_commands_that_compute_nothing_do_not_import_jax():
+    code = "import sys; from coopmm_jax.cli import main; main(['scenarios']); sys.exit('jax' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+def test_installed_command_reports_errors_without_traceback():
+    command = os.path.join(os.path.dirname(sys.executable), "coopmm")
+    done = subprocess.run([command, "simulate", "papr"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("coopmm: error: scenario: must be one of")
+    assert done.stderr.count("\n") == 1

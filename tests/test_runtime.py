@@ -1,0 +1,99 @@
+"""XLA's options: set before the backend starts, merged with the user's, never behind anyone's back."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import pytest
+
+from coopmm_jax import runtime
+
+WHILE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000"
+MULTI_OUTPUT = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion=true"
+
+
+def in_new_process(code: str, **environment: str) -> str:
+    """What ``code`` prints in a Python of its own, without this process's XLA options."""
+    clean = {name: value for name, value in os.environ.items() if name not in ("XLA_FLAGS", "COOPMM_NO_XLA_OPTIONS")}
+    command = [sys.executable, "-W", "error", "-c", code]
+    done = subprocess.run(command, env=clean | environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+FLAGS_AFTER_IMPORT = "import os, coopmm_jax; print(os.environ.get('XLA_FLAGS', ''))"
+
+
+def test_import_adds_one_option_and_no_jax():
+    code = "import os, sys, coopmm_jax; assert 'jax' not in sys.modules; print(os.environ['XLA_FLAGS'])"
+    assert in_new_process(code) == WHILE_LOOPS
+
+
+def test_import_keeps_what_the_user_has_set():
+    mine = "--xla_cpu_enable_fast_math=false --xla_backend_extra_options=mine=1"
+    assert in_new_process(FLAGS_AFTER_IMPORT, XLA_FLAGS=mine) == f"{mine} {WHILE_LOOPS}"
+    other_value = WHILE_LOOPS.replace("1000000", "5")
+    assert in_new_process(FLAGS_AFTER_IMPORT, XLA_FLAGS=other_value) == other_value
+
+
+def test_import_leaves_a_file_of_flags_alone():
+    assert in_new_process(FLAGS_AFTER_IMPORT, XLA_FLAGS="flags.txt") == "flags.txt"
+
+
+def test_environment_variable_turns_options_off():
+    code = f"{FLAGS_AFTER_IMPORT}; print(coopmm_jax.runtime.use_fast_compilation())"
+    assert in_new_process(code, COOPMM_NO_XLA_OPTIONS="1") == "False"
+
+
+def test_import_after_the_first_computation_changes_nothing():
+    assert in_new_process(f"import jax; jax.numpy.zeros(1); {FLAGS_AFTER_IMPORT}") == ""
+
+
+def test_xla_accepts_the_options_of_fast_compilation():
+    code = """
+import os, coopmm_jax, jax
+assert coopmm_jax.runtime.use_fast_compilation()
+print(os.environ["XLA_FLAGS"])
+with jax.enable_x64(True):
+    print(jax.jit(lambda x: jax.lax.fori_loop(0, 3, lambda _, y: y * 1.5, x))(2.0))
+assert coopmm_jax.runtime.use_fast_compilation()
+"""
+    assert in_new_process(code).splitlines() == [
+        f"{WHILE_LOOPS} {MULTI_OUTPUT} --xla_cpu_prefer_vector_width=512",
+        "6.75",
+    ]
+
+
+def test_fast_compilation_after_the_first_computation_is_refused(monkeypatch):
+    jax.numpy.zeros(1)
+    assert runtime.backend_is_up()
+    monkeypatch.setenv("XLA_FLAGS", WHILE_LOOPS)
+    monkeypatch.delenv("COOPMM_NO_XLA_OPTIONS", raising=False)
+    with pytest.raises(RuntimeError, match="before the first JAX computation"):
+        runtime.use_fast_compilation()
+    assert os.environ["XLA_FLAGS"] == WHILE_LOOPS
+
+
+@pytest.mark.parametrize(
+    ("environment", "folder"),
+    [
+        ({"COOPMM_CACHE_DIR": "{tmp}/mine", "XDG_CACHE_HOME": "{tmp}"}, "mine"),
+        ({"JAX_COMPILATION_CACHE_DIR": "{tmp}/jax", "XDG_CACHE_HOME": "{tmp}"}, "jax"),
+        ({"JAX_COMPILATION_CACHE_DIR": "", "XDG_CACHE_HOME": "{tmp}"}, "coopmm_jax"),
+        ({"JAX_COMPILATION_CACHE_DIR": "", "XDG_CACHE_HOME": "", "HOME": "{tmp}"}, ".cache/coopmm_jax"),
+    ],
+)
+def test_compilation_cache_is_filled(tmp_path, environment, folder):
+    code = """
+from coopmm_jax import runtime
+import jax
+folder = runtime.use_compilation_cache()
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+jax.jit(lambda x: x * 3)(1.0)
+print(folder)
+"""
+    environment = {name: value.format(tmp=tmp_path) for name, value in environment.items()}
+    assert Path(in_new_process(code, **environment)) == tmp_path / folder
+    assert any((tmp_path / folder).iterdir())
