@@ -103,19 +103,13 @@ def _simulate(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         changes = changes | {"simulation.precision": options.precision}
     scenario = load_scenario(options.scenario, **changes)
     if options.out is None:
-        return _report(scenario, _trajectory(scenario))
+        return _report(scenario, coopmm_jax.simulate(scenario))
     with result_folder(options.out) as folder:
-        trajectory = _trajectory(scenario)
+        trajectory = coopmm_jax.simulate(scenario)
         write_run(folder, scenario, trajectory)
     code = _report(scenario, trajectory)
     print(f"written to {options.out}")
     return code
-
-
-def _trajectory(scenario: Scenario) -> Any:
-    from coopmm_jax.simulate import simulate  # imports JAX, which the other commands do without
-
-    return simulate(scenario)
 
 
 def _report(scenario: Scenario, trajectory: Any) -> int:

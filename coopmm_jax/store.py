@@ -28,7 +28,7 @@ from coopmm_jax.errors import UserError
 
 if TYPE_CHECKING:
     from coopmm_jax.scenario import Scenario
-    from coopmm_jax.simulate import Trajectory
+    from coopmm_jax.simulation import Trajectory
 
 ARRAYS = (
     *("t", "q", "zeta", "zeta_desired", "sigma", "c_hat"),

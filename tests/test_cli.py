@@ -1,15 +1,17 @@
 """The command line: exit codes, messages, overrides and result folders, around a stand-in for the simulation."""
 
+import doctest
 import json
 import os
 import subprocess
 import sys
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from coopmm_jax import __version__, overrides
+import coopmm_jax
+from coopmm_jax import __version__, cli, overrides
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario import Scenario, load_scenario
@@ -19,7 +21,7 @@ FAILED = SimpleNamespace(name="SINGULAR_GUIDE", message="arm of robot II became 
 
 
 class StandIn:
-    """Takes the place of ``coopmm_jax.simulate``: remembers the scenario, returns a short trajectory."""
+    """In the place of ``coopmm_jax.simulate``, which compiles: remembers the scenario, returns a short trajectory."""
 
     def __init__(self):
         self.scenario = None
@@ -34,10 +36,13 @@ class StandIn:
 
 @pytest.fixture
 def simulation(monkeypatch):
-    module = ModuleType("coopmm_jax.simulate")
-    module.simulate = StandIn()
-    monkeypatch.setitem(sys.modules, module.__name__, module)
-    return module.simulate
+    stand_in = StandIn()
+    monkeypatch.setitem(vars(coopmm_jax), "simulate", stand_in)
+    return stand_in
+
+
+def test_examples_in_docstrings():
+    assert doctest.testmod(cli) == (0, 1)
 
 
 def test_scenarios_lists_one_line_each(capsys):
@@ -156,11 +161,11 @@ def test_unusable_output_folder_is_found_before_the_run(simulation, tmp_path, ca
     assert "--out: must be a folder that can be written, was" in capsys.readouterr().err
 
 
-def test_errors_of_the_simulation_leave_nothing_behind(simulation, monkeypatch, tmp_path, capsys):
+def test_errors_of_the_simulation_leave_nothing_behind(monkeypatch, tmp_path, capsys):
     def unreachable(scenario):
         raise UserError("initial", "within reach of the contact", "out of reach")
 
-    monkeypatch.setattr(sys.modules["coopmm_jax.simulate"], "simulate", unreachable)
+    monkeypatch.setitem(vars(coopmm_jax), "simulate", unreachable)
     assert main(["simulate", "paper", "--out", str(tmp_path / "run")]) == 2
     assert list(tmp_path.iterdir()) == []
     assert capsys.readouterr().err == "coopmm: error: initial: must be within reach of the contact, was out of reach\n"
