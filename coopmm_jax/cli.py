@@ -23,6 +23,11 @@ from coopmm_jax.validation import closest
 
 DONE, BAD_INPUT, ROLLOUT_FAILED, INTERRUPTED = 0, 2, 3, 130
 
+SHOWN = (  # the metrics that tell at a glance whether a run is any good; summary.json has them all
+    *("error_late", "settling_time", "force_error_rms_late", "force_min", "force_max", "contact_loss_time"),
+    *("internal_force_max", "torque_peak", "wheel_torque_variation_late", "constraint_residual_max"),
+)
+
 
 class UsageError(Exception):
     """A command line that argparse cannot read."""
@@ -82,7 +87,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     simulate.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario's name, or the path of a TOML file")
     simulate.add_argument("--precision", choices=("float64", "float32"), help="short for --simulation.precision")
-    simulate.add_argument("--out", metavar="DIR", help="folder for scenario.toml, trajectory.npz and summary.json")
+    simulate.add_argument(
+        "--out", metavar="DIR", help="folder for scenario.toml, trajectory.npz, summary.json and overview.png"
+    )
     simulate.set_defaults(run=_simulate, takes_overrides=True)
 
     scenarios = commands.add_parser("scenarios", help="list the shipped scenarios", allow_abbrev=False)
@@ -104,21 +111,26 @@ def _simulate(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     scenario = load_scenario(options.scenario, **changes)
     if options.out is None:
         return _report(scenario, coopmm_jax.simulate(scenario))
+    from coopmm_jax import plotting  # imports matplotlib
+
     with result_folder(options.out) as folder:
         trajectory = coopmm_jax.simulate(scenario)
         write_run(folder, scenario, trajectory)
+        plotting.save(plotting.overview(trajectory), folder / "overview.png")
     code = _report(scenario, trajectory)
     print(f"written to {options.out}")
     return code
 
 
 def _report(scenario: Scenario, trajectory: Any) -> int:
+    from coopmm_jax.metrics import METRICS  # imports JAX, which the other commands do without
+
     settings = scenario.simulation
     print(scenario.description)
     print(f"{settings.duration:g} s in {scenario.steps} steps of {settings.step:g} s, {settings.precision}")
-    width = max(map(len, trajectory.metrics), default=0)
-    for name, value in trajectory.metrics.items():
-        print(f"  {name:{width}}  {value:.6g}")
+    for name in SHOWN:
+        unit, meaning = METRICS[name]
+        print(f"  {name:{max(map(len, SHOWN))}} {trajectory.metrics[name]:12.6g} {unit:6}  {meaning}")
     if trajectory.ok:
         return DONE
     ending = f"{trajectory.status.name} at t = {trajectory.status_time:g} s: {trajectory.status.message}"

@@ -28,12 +28,7 @@ from coopmm_jax.errors import UserError
 
 if TYPE_CHECKING:
     from coopmm_jax.scenario import Scenario
-    from coopmm_jax.simulation import Trajectory
-
-ARRAYS = (
-    *("t", "q", "zeta", "zeta_desired", "sigma", "c_hat"),
-    *("constraint_force", "torque", "constraint_residual"),
-)
+    from coopmm_jax.trajectory import Trajectory
 
 
 @contextmanager
@@ -68,9 +63,10 @@ def result_folder(target: str | Path, option: str = "--out") -> Iterator[Path]:
 
 
 def write_run(folder: Path, scenario: Scenario, trajectory: Trajectory) -> None:
-    """Write one simulation: ``scenario.toml``, ``trajectory.npz`` (the ``ARRAYS`` by name) and ``summary.json``."""
+    """Write one simulation: ``scenario.toml``, ``trajectory.npz`` (its arrays by name) and ``summary.json``."""
     (folder / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")
-    np.savez(folder / "trajectory.npz", **{name: np.asarray(getattr(trajectory, name)) for name in ARRAYS})
+    arrays = {name: value for name, value in vars(trajectory).items() if isinstance(value, np.ndarray)}
+    np.savez(folder / "trajectory.npz", **arrays)
     write_json(folder / "summary.json", summary(scenario, trajectory))
 
 

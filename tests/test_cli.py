@@ -9,13 +9,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import coopmm_jax
-from coopmm_jax import __version__, cli, overrides
+from coopmm_jax import __version__, cli, overrides, plotting
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
+from coopmm_jax.metrics import METRICS
 from coopmm_jax.scenario import Scenario, load_scenario
-from coopmm_jax.store import ARRAYS
 
 FAILED = SimpleNamespace(name="SINGULAR_GUIDE", message="arm of robot II became singular")
 
@@ -29,8 +30,8 @@ class StandIn:
 
     def __call__(self, scenario):
         self.scenario = scenario
-        arrays = {name: np.full(3, i, float) for i, name in enumerate(ARRAYS)}
-        metrics = {"contact_force_rms": 0.25, "never": float("nan")}
+        arrays = {"t": np.arange(3.0), "torque": np.ones((3, 2, 5))}
+        metrics = dict.fromkeys(METRICS, 0.25) | {"settling_time": float("nan")}
         return SimpleNamespace(**arrays, metrics=metrics, **self.outcome)
 
 
@@ -38,6 +39,7 @@ class StandIn:
 def simulation(monkeypatch):
     stand_in = StandIn()
     monkeypatch.setitem(vars(coopmm_jax), "simulate", stand_in)
+    monkeypatch.setattr(plotting, "overview", lambda trajectory: Figure())
     return stand_in
 
 
@@ -76,7 +78,8 @@ def test_simulate_prints_metrics(simulation, capsys):
     assert simulation.scenario == load_scenario("paper")
     out = capsys.readouterr().out
     assert "20 s in 20000 steps of 0.001 s, float64" in out
-    assert "  contact_force_rms  0.25\n" in out
+    assert len(out.splitlines()) == 2 + len(cli.SHOWN)
+    assert f"0.25 N       {METRICS['force_min'][1]}\n" in out
 
 
 def test_overrides_reach_the_scenario(simulation):
@@ -105,14 +108,19 @@ def test_results_are_written(simulation, tmp_path, capsys):
     out = tmp_path / "run"
     assert main(["simulate", "paper", "--gains.k0", "4", "--out", str(out)]) == 0
     assert f"written to {out}" in capsys.readouterr().out
-    assert sorted(path.name for path in out.iterdir()) == ["scenario.toml", "summary.json", "trajectory.npz"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "overview.png",
+        "scenario.toml",
+        "summary.json",
+        "trajectory.npz",
+    ]
     assert load_scenario(out / "scenario.toml") == simulation.scenario
     with np.load(out / "trajectory.npz") as saved:
-        assert set(saved) == set(ARRAYS)
-        assert saved["torque"].tolist() == [ARRAYS.index("torque")] * 3
+        assert set(saved) == {"t", "torque"}
+        assert saved["t"].tolist() == [0.0, 1.0, 2.0]
     summary = json.loads((out / "summary.json").read_text())
     assert summary["status"] == "OK"
-    assert summary["metrics"] == {"contact_force_rms": 0.25, "never": None}
+    assert summary["metrics"] == dict.fromkeys(METRICS, 0.25) | {"settling_time": None}
     assert summary["scenario"]["gains"]["k0"] == 4.0
 
 
@@ -182,3 +190,15 @@ def test_installed_command_reports_errors_without_traceback():
     assert done.returncode == 2
     assert done.stderr.startswith("coopmm: error: scenario: must be one of")
     assert done.stderr.count("\n") == 1
+
+
+def test_real_runs_end_as_they_should(tmp_path, capsys):
+    short = ["--simulation.duration", "0.02"]
+    assert main(["simulate", "paper", *short, "--out", str(tmp_path)]) == 0
+    with np.load(tmp_path / "trajectory.npz") as saved:
+        assert saved["torque"].shape == (21, 2, 5)
+    assert (tmp_path / "overview.png").stat().st_size > 10_000
+    assert main(["simulate", "paper", *short, "--gains.k1", "1e9"]) == 3
+    assert capsys.readouterr().err.startswith("coopmm: rollout failed: ")
+    assert main(["simulate", "paper", *short, "--initial.x", "5", "1.2"]) == 2
+    assert capsys.readouterr().err.startswith("coopmm: error: initial: must be ")
