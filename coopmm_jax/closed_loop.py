@@ -12,8 +12,8 @@ from coopmm_jax.model import Model
 from coopmm_jax.parameters import Disturbance, Structure
 from coopmm_jax.reference import desired_force
 
-# Rate [1/s] at which drift of the dependent joints off the constraints decays. RK4 at 1 ms leaves about 1e-12 m a step, so
-# any rate of this order keeps |phi| below 1e-9; it is far below 1 / step, so it adds no stiffness.
+# Rate [1/s] at which drift of the dependent joints off the constraints decays. RK4 at 1 ms leaves about 1e-12 m a step,
+# so any rate of this order keeps |phi| below 1e-9; it is far below 1 / step, so it adds no stiffness.
 DRIFT_RATE = 10.0
 
 

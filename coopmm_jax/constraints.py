@@ -1,8 +1,8 @@
 """The constraint rows: residual phi, Jacobian J, and Jdot u, row by row (model.md section 2).
 
 ``contact_normal`` and ``contact_height`` tie the tip of robot I to the object carried by robot II; ``guide_radial`` and
-``guide_height`` hold robot II's tip, the object, on its circle. Tips and the arc's centre are handled along the two arms'
-own horizontal axes (e along the arm, n across), so only the angle between the arms meets a sine.
+``guide_height`` hold robot II's tip, the object, on its circle. Tips and the arc's centre are handled along the two
+arms' own horizontal axes (e along the arm, n across), so only the angle between the arms meets a sine.
 """
 
 from __future__ import annotations

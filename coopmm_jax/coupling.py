@@ -6,8 +6,8 @@ II. J is block triangular over the dependent joints because the guide does not s
 
     J_dep = [[N1, N2], [0, G2]],
 
-so every solve with it is two solves of size two at most. L is not block diagonal, unlike below (10): robot I's dependent
-joints move when the object does.
+so every solve with it is two solves of size two at most. L is not block diagonal, unlike below (10): robot I's
+dependent joints move when the object does.
 """
 
 from __future__ import annotations
@@ -135,12 +135,6 @@ def restrict(reduction: Reduction, force: tuple[Vector, Vector]) -> Vector:
     return plus(*(L.T @ f for L, f in zip(reduction.L, force, strict=True)))
 
 
-def reduced_inertia(reduction: Reduction, inertia: tuple[Matrix, Matrix]) -> Matrix:
-    """Mr = L^T M L (n x n) of (11); ``inertia`` is M_i2 of each robot in u."""
-    first, second = (congruence(L, M) for L, M in zip(reduction.L, inertia, strict=True))
-    return first + second
-
-
 def spread(reduction: Reduction, force: Vector) -> tuple[Vector, Vector]:
     """L (L^T L)^-1 F: the least force on all joints that L^T takes back to F (substitution after (40)).
 
@@ -213,11 +207,17 @@ def constrained_accelerations(model: Model, k: Kinematics, force: tuple[Vector, 
         )
 
     at_rest = tuple(minus(f, h) for f, h in zip(force, required_force(k.L_rate), strict=True))
-    in_u = tuple(congruence(T, d.inertia) for T, d in zip(k.bodies.T, dynamics, strict=True))
-    (independent,) = cholesky_solve(reduced_inertia(k.reduction, in_u), restrict(k.reduction, at_rest))
+    Mr = reduced_inertia(k, dynamics)
+    (independent,) = cholesky_solve(Mr, restrict(k.reduction, at_rest))
     full = tuple(plus(x, y) for x, y in zip(expand(k.reduction, independent), k.L_rate, strict=True))
     residual = tuple(minus(h, f) for h, f in zip(required_force(full), force, strict=True))
     return Accelerations(independent, full, multipliers(k.reduction, residual))
+
+
+def reduced_inertia(k: Kinematics, dynamics: tuple[robot.Dynamics, robot.Dynamics]) -> Matrix:
+    """Mr = L^T M L (n x n) of (11), as (T L)^T M (T L) with M in body rates, where it is sparsest."""
+    first, second = (congruence(T @ L, d.inertia) for T, L, d in zip(k.bodies.T, k.reduction.L, dynamics, strict=True))
+    return first + second
 
 
 def robot_dynamics(

@@ -3,7 +3,8 @@
 Positions are kept in the chained coordinates z1 = th, z2 = x cos th + y sin th, z3 = -x sin th + y cos th, which are
 the platform's angle and its world position seen from its own axes (lateral, forward): no trigonometry of th is needed
 until two robots meet. Inertia is written in *body rates*, w = (V, w, W, Adot, Bdot): forward speed, platform yaw rate,
-arm yaw rate, absolute pitch rates of both links. There the matrix is sparsest, and w = T(z2) u leads to the coordinates u = (u1, u2, a1dot, a2dot, a3dot) of (9).
+arm yaw rate, absolute pitch rates of both links. There the matrix is sparsest, and w = T(z2) u leads to the coordinates
+u = (u1, u2, a1dot, a2dot, a3dot) of (9).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How a rollout ended: failure is data, one code per rollout, so that no NaN spreads through a batch or its gradient."""
+"""How a rollout ended: failure is data, one code per rollout, so that no NaN spreads through a batch or gradient."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from coopmm_jax.closed_loop import Signals, State
 from coopmm_jax.components import Scalar
 
-# Limits that no working loop comes near (the paper's run stays below 30 rad/s, 1e2 N s and chat of 10), reached long before
-# anything overflows, so that the values handed to the next step, and their gradients, are still finite.
+# Limits that no working loop comes near, reached long before anything overflows, so that the values handed to the next
+# step, and their gradients, are still finite.
 SPEED_LIMIT = 1e3  # [rad/s, m/s]
 MEMORY_LIMIT = 1e6  # controller states
 # Fraction of the starting determinant of J_dep's blocks below which an arm counts as singular.

@@ -16,8 +16,8 @@ def force_command(gains: Gains, desired: Vector, error: Vector, integral: Vector
 def ideal_force_error(gains: Gains, without_feedback: Vector, desired: Vector, integral: Vector) -> Vector:
     """e (m,) [N] when the force is measured at once: (1 + K_lambda) e = lambda_0 - lambda_d - K_I E.
 
-    The algebraic loop closes in one division because lambda = lambda_0 + (lambda_h - lambda_d) row by row; K_lambda > -1
-    is what keeps it solvable (proof of Theorem 3.1).
+    The algebraic loop closes in one division because lambda = lambda_0 + (lambda_h - lambda_d) row by row;
+    K_lambda > -1 is what keeps it solvable (proof of Theorem 3.1).
 
     Args:
         without_feedback: lambda_0 (m,), the multiplier under lambda_h = lambda_d.

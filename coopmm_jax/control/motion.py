@@ -88,7 +88,7 @@ def motion_errors(
     memory: Memory,
     eta_rates: tuple[Scalar, Scalar],
 ) -> MotionErrors:
-    """utilde, sigma and nudot. zdot is the chain rule over t, the positions and eta, taken by forward differentiation."""
+    """utilde, sigma and nudot; zdot is the chain rule over t, the positions and eta, by forward differentiation."""
     z, z_rate = jax.jvp(
         lambda *at: reference_velocities(gains, reference, part, *at),
         (t, position, memory.eta),
