@@ -4,56 +4,15 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax.parameters import ALL_ROWS, PAPER_START, Geometry, Inertia, Plant, Surface
+from coopmm_jax.parameters import ALL_ROWS, PAPER_START, Plant
 from tests.oracles import lagrangian, mujoco_tree
-
-GRAVITY = 9.81
-ROW_SETS = [ALL_ROWS, ("contact_normal", "contact_height"), ("contact_normal",)]
-
-
-def random_geometry(rng):
-    return Geometry(*rng.uniform(0.2, 1.0, 6).tolist(), mount_offset=rng.uniform(-0.3, 0.3))
-
-
-def random_inertia(rng):
-    return Inertia(*rng.uniform(0.2, 3.0, 10).tolist())
-
-
-def random_robot(rng):
-    return random_geometry(rng), random_inertia(rng), rng.uniform(-3, 3, 6), rng.uniform(-3, 3, 5)
-
-
-def random_pair(rng):
-    """A plant with both robots near the nominal motion, where the dependent joints are far from singular."""
-    plant = Plant(
-        (random_geometry(rng), random_geometry(rng)),
-        (random_inertia(rng), random_inertia(rng)),
-        Surface(*rng.uniform(0.5, 2.0, 3).tolist()),
-    )
-    th = rng.uniform(-3, 3)
-    radius = np.array([2.4, 1.0])
-    nominal = np.column_stack(
-        [radius * np.cos(th), radius * np.sin(th), [th, th], [1.2, 1.57], [-0.7, 2.1], [1.5, 2.1]]
-    )
-    return plant, nominal + rng.uniform(-0.2, 0.2, (2, 6))
-
-
-def admissible(rows, plant, q, rng):
-    """Terms at a random u that satisfies J u = 0."""
-    at_rest = lagrangian.coupled_terms(plant, rows, q, np.zeros(10))
-    L, _ = lagrangian.velocity_basis(rows, at_rest)
-    u = L @ rng.uniform(-1, 1, L.shape[1])
-    return lagrangian.coupled_terms(plant, rows, q, u), u
+from tests.samples import GRAVITY, ROW_SETS, admissible, assert_close, random_pair, random_robot
 
 
 def power(geometry, inertia, q, u, u_dot):
     """d(T + U)/dt along qdot = R T u."""
     along = (np.asarray(lagrangian.chained_basis(q) @ u), u_dot)
     return jax.jvp(lambda q, u: lagrangian.energy(geometry, inertia, GRAVITY, q, u), (q, u), along)[1]
-
-
-def assert_close(actual, desired, relative):
-    np.testing.assert_allclose(actual, desired, rtol=0, atol=relative * np.max(np.abs(desired)))
 
 
 @pytest.mark.parametrize("seed", range(30))

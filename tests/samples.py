@@ -1,0 +1,94 @@
+"""Random robots, pairs of robots and states, and how tests hand them to the simulator and read its answers."""
+
+import numpy as np
+
+from coopmm_jax import robot
+from coopmm_jax.model import build_model
+from coopmm_jax.parameters import ALL_ROWS, Geometry, Inertia, Parameters, Plant, Pose, Surface
+from tests.oracles import lagrangian
+
+GRAVITY = 9.81
+ROW_SETS = [
+    ALL_ROWS,
+    ("contact_normal", "guide_radial", "guide_height"),
+    ("contact_normal", "contact_height"),
+    ("contact_normal",),
+]
+
+
+def random_geometry(rng):
+    return Geometry(*rng.uniform(0.2, 1.0, 6).tolist(), mount_offset=rng.uniform(-0.3, 0.3))
+
+
+def random_inertia(rng):
+    return Inertia(*rng.uniform(0.2, 3.0, 10).tolist())
+
+
+def random_robot(rng):
+    return random_geometry(rng), random_inertia(rng), rng.uniform(-3, 3, 6), rng.uniform(-3, 3, 5)
+
+
+def random_pair(rng):
+    """A plant with both robots near the nominal motion, where the dependent joints are far from singular."""
+    plant = Plant(
+        (random_geometry(rng), random_geometry(rng)),
+        (random_inertia(rng), random_inertia(rng)),
+        Surface(*rng.uniform(0.5, 2.0, 3).tolist()),
+    )
+    th = rng.uniform(-3, 3)
+    radius = np.array([2.4, 1.0])
+    nominal = np.column_stack(
+        [radius * np.cos(th), radius * np.sin(th), [th, th], [1.2, 1.57], [-0.7, 2.1], [1.5, 2.1]]
+    )
+    return plant, nominal + rng.uniform(-0.2, 0.2, (2, 6))
+
+
+def admissible(rows, plant, q, rng):
+    """Terms at a random u that satisfies J u = 0."""
+    at_rest = lagrangian.coupled_terms(plant, rows, q, np.zeros(10))
+    L, _ = lagrangian.velocity_basis(rows, at_rest)
+    u = L @ rng.uniform(-1, 1, L.shape[1])
+    return lagrangian.coupled_terms(plant, rows, q, u), u
+
+
+def assert_close(actual, desired, relative):
+    np.testing.assert_allclose(actual, desired, rtol=0, atol=relative * np.max(np.abs(desired)))
+
+
+def positions(q):
+    """Chained positions of both robots at q (2, 6), as the simulator takes them."""
+    return tuple(robot.chained(Pose(*map(float, row))) for row in q)
+
+
+def poses(position):
+    """q (..., 2, 6) of chained positions, by inverting (6) on arrays."""
+    rows = []
+    for z1, z2, z3, *joints in position:
+        s, c = np.sin(z1), np.cos(z1)
+        rows.append(np.stack([z2 * c - z3 * s, z2 * s + z3 * c, z1, *joints], axis=-1))
+    return np.stack(rows, axis=-2)
+
+
+def pair(u):
+    """u (10,) as the simulator's velocity or force of both robots."""
+    return tuple(map(float, u[:5])), tuple(map(float, u[5:]))
+
+
+def model_of(plant):
+    """The simulator's model of a plant, with an exact controller."""
+    return build_model(Parameters(plant=plant, nominal=plant.inertia))
+
+
+def joined(both):
+    """(10,) of the simulator's pair of vectors."""
+    return vector((*both[0], *both[1]))
+
+
+def vector(components):
+    """A flat vector of the simulator's scalars."""
+    return np.array([float(x) for x in components])
+
+
+def linear_map(function, size):
+    """The matrix of a linear function from a tuple of ``size`` scalars to a vector, column by column."""
+    return np.column_stack([function(tuple(map(float, unit))) for unit in np.eye(size)])
