@@ -19,6 +19,7 @@ from coopmm_jax.components import Scalar, plus
 from coopmm_jax.control.motion import Memory
 from coopmm_jax.integrate import rk4_step, scan_segments
 from coopmm_jax.model import Model, build_model
+from coopmm_jax.packed import Packed
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.status import Health, Status, judge
 
@@ -129,11 +130,12 @@ def rollout(
         if observer is not None:
             total = _choose(sampled, observer.update(total, t, signals), total)
         state = _choose((status == 0) & (i < steps), proposed, state)
-        return (state, total, Health(status, jnp.where(failed, i, health.step))), (t, signals) if record else None
+        health = Health(status, jnp.where(failed, i, health.step))
+        return (state, total, health), Packed.of((t, signals), dtype) if record else None
 
     carry = (state, observer.start if observer is not None else None, health)
     (state, total, health), reports = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint)
-    return Rollout(state, total, health, reports)
+    return Rollout(state, total, health, reports.unpack() if record else None)
 
 
 def _choose(condition: Scalar, new: Any, old: Any) -> Any:

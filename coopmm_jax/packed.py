@@ -1,0 +1,41 @@
+"""A pytree of scalars as one vector, for results that a scan stacks step by step.
+
+XLA writes a scan's output in place, but with multi-output fusion on the CPU (see ``runtime.use_fast_compilation``) it
+merges the writes of many outputs into one loop, and that one copies all of them at every step: 20 000 steps then take
+21 s instead of 0.2 s. A single output stays in place.
+
+>>> Packed.of((1.0, {"a": 2.0}), float).unpack()[1]["a"].item()
+2.0
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+
+@jax.tree_util.register_pytree_node_class
+class Packed:
+    """Values of all leaves along the last axis, and the structure they came from."""
+
+    def __init__(self, values: Any, structure: Any):
+        self.values, self.structure = values, structure
+
+    @classmethod
+    def of(cls, tree: Any, dtype: Any) -> Packed:
+        """Pack a pytree of scalars, each converted to ``dtype``."""
+        leaves, structure = jax.tree.flatten(tree)
+        return cls(jnp.stack([jnp.asarray(leaf, dtype) for leaf in leaves]), structure)
+
+    def unpack(self) -> Any:
+        """The pytree again, each leaf with the axes that were put before the last one."""
+        return jax.tree.unflatten(self.structure, [self.values[..., i] for i in range(self.values.shape[-1])])
+
+    def tree_flatten(self) -> tuple[tuple[Any], Any]:
+        return (self.values,), self.structure
+
+    @classmethod
+    def tree_unflatten(cls, structure: Any, children: tuple[Any]) -> Packed:
+        return cls(*children, structure)
