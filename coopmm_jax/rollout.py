@@ -124,7 +124,8 @@ def rollout(
         state, total, health = carry
         t = i.astype(dtype) * step
         proposed, signals = rk4_step(lambda at, x: closed_loop(structure, model, at, x), t, step, state)
-        status = jnp.where(health.status == 0, judge(proposed, signals, determinants), health.status)
+        running = (health.status == 0) & (i <= steps)  # what the plan has room for beyond the horizon cannot fail
+        status = jnp.where(running, judge(proposed, signals, determinants), health.status)
         failed = (status != 0) & (health.status == 0)
         sampled = (status == 0) & (i <= steps)
         if observer is not None:
