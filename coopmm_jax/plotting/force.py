@@ -1,0 +1,128 @@
+"""Figures of the constraint: contact force (Fig. 10), all multipliers, how well phi = 0 is met."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from coopmm_jax.plotting import style
+from coopmm_jax.plotting.lines import Quantity, Run, longest, runs, samples, time_panel
+
+if TYPE_CHECKING:
+    from coopmm_jax.trajectory import Trajectory
+
+START = 1.0  # [s] shown of a run's start, or a twentieth of the run if that is less
+SETTLED = 0.25  # fraction of a run after which it is shown as settled
+LOST = {"color": "0.7", "linewidth": 0.0}
+SMALLEST = 1e-16  # [m], rounding of the lengths here, so that zero has a place on a logarithmic axis
+
+
+@style.styled
+def contact_force(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
+    """Fig. 10: normal contact force [N] with its desired value: the whole run, its start, and once it has settled.
+
+    Where the force is negative the contact would have opened; that is shaded.
+
+    Args:
+        trajectories: one, or several to compare. labels: one for each. axes: three matplotlib axes to draw on.
+
+    Returns:
+        The figure that was drawn on.
+
+    Raises:
+        UserError: nothing to draw, or labels or axes of the wrong number.
+    """
+    group = runs(trajectories, labels)
+    layout = [["whole", "whole"], ["start", "settled"]]
+    figure, (whole, start, settled) = style.panels(axes, layout, height=5.0)
+    contact_panel(whole, group)
+    contact_start_panel(start, group)
+    contact_settled_panel(settled, group)
+    return figure
+
+
+@style.styled
+def constraint_forces(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
+    """Multipliers lambda of (9) [N], one line per constraint row: the contact, and the guide that holds the object.
+
+    Args:
+        trajectories: one, or several to compare. labels: one for each. axes: one matplotlib axes to draw on.
+
+    Returns:
+        The figure that was drawn on.
+
+    Raises:
+        UserError: nothing to draw, or labels or axes of the wrong number.
+    """
+    figure, (panel,) = style.panels(axes, [["forces"]], height=3.2)
+    multipliers_panel(panel, runs(trajectories, labels))
+    return figure
+
+
+@style.styled
+def constraint_residual(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
+    """How far each constraint row has been from being met: the largest |phi| so far [m], on a logarithmic axis.
+
+    Args:
+        trajectories: one, or several to compare. labels: one for each. axes: one matplotlib axes to draw on.
+
+    Returns:
+        The figure that was drawn on.
+
+    Raises:
+        UserError: nothing to draw, or labels or axes of the wrong number.
+    """
+    figure, (panel,) = style.panels(axes, [["residual"]], height=3.2)
+    residual_panel(panel, runs(trajectories, labels))
+    return figure
+
+
+def contact_panel(axes: Axes, group: Sequence[Run], window: tuple[float, float] = (-np.inf, np.inf)) -> None:
+    """lambda_n of every run with its desired value, between two times [s]."""
+    desired = {"desired": lambda run: np.full(len(run.t), run.constraint_force_desired[0])}
+    time_panel(axes, group, {"normal": _normal}, "contact force [N]", desired, window)
+    label = "contact lost"
+    for run in group:
+        t, force = samples(run.trajectory, _normal, window)
+        if force.min(initial=0.0) < 0.0:
+            axes.fill_between(t, force, 0.0, where=force < 0.0, interpolate=True, label=label, **LOST)
+            label = "_lost"  # one entry in the legend
+    style.legend(axes)
+
+
+def contact_start_panel(axes: Axes, group: Sequence[Run]) -> None:
+    """The start of a run, where the transient is; shares the contact panel's legend."""
+    contact_panel(axes, group, (0.0, min(START, longest(group).t.max(initial=0.0) / 20.0)))
+    axes.get_legend().remove()
+
+
+def contact_settled_panel(axes: Axes, group: Sequence[Run]) -> None:
+    """A run after its transient, on the scale of what is left; shares the contact panel's legend."""
+    contact_panel(axes, group, (SETTLED * longest(group).t.max(initial=0.0), np.inf))
+    axes.get_legend().remove()
+
+
+def multipliers_panel(axes: Axes, group: Sequence[Run]) -> None:
+    """Multipliers of every row."""
+    time_panel(axes, group, _by_row(group, lambda run: run.constraint_force), "constraint forces [N]")
+
+
+def residual_panel(axes: Axes, group: Sequence[Run]) -> None:
+    """Largest |phi| of every row so far; |phi| itself has a zero at every change of sign, which hides the rest."""
+    sizes = _by_row(group, lambda run: np.maximum.accumulate(np.abs(run.constraint_residual)) + SMALLEST)
+    axes.set_yscale("log")
+    time_panel(axes, group, sizes, "residual so far [m]")
+
+
+def _normal(run: Trajectory) -> np.ndarray:
+    return run.constraint_force[:, 0]
+
+
+def _by_row(group: Sequence[Run], values: Quantity) -> dict[str, Quantity]:
+    """One quantity per constraint row, from an array (T, m) of a run."""
+    names = group[0].trajectory.rows
+    return {name.replace("_", " "): lambda run, k=k: values(run)[:, k] for k, name in enumerate(names)}

@@ -1,0 +1,155 @@
+"""Figures of the motion: platforms (Fig. 3, 4, 7), arms (Fig. 5, 8), tracking errors of the chained form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.plotting import style
+from coopmm_jax.plotting.lines import Run, longest, runs, time_panel
+
+if TYPE_CHECKING:
+    from coopmm_jax.trajectory import Trajectory
+
+ROBOTS = ("I", "II")
+
+
+def robot_index(robot: str) -> int:
+    """Index of robot "I" or "II" along a trajectory's second axis.
+
+    Raises:
+        UserError: it is neither.
+    """
+    if robot not in ROBOTS:
+        raise UserError("robot", "one of I, II", robot)
+    return ROBOTS.index(robot)
+
+
+@style.styled
+def platform_paths(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
+    """Fig. 3: paths of both axle midpoints [m], with where they should go and where they start.
+
+    Args:
+        trajectories: one, or several to compare. labels: one for each. axes: one matplotlib axes to draw on.
+
+    Returns:
+        The figure that was drawn on.
+
+    Raises:
+        UserError: nothing to draw, or labels or axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> figure = platform_paths(cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.05})))
+    """
+    figure, (panel,) = style.panels(axes, [["paths"]], height=5.0)
+    paths_panel(panel, runs(trajectories, labels))
+    return figure
+
+
+@style.styled
+def platform_angle(
+    *trajectories: Trajectory, robot: str, labels: Sequence[str] | None = None, axes: Any = None
+) -> Figure:
+    """Fig. 4 and 7: platform angle theta of one robot with its reference [rad], and the error between them.
+
+    Args:
+        trajectories: one, or several to compare. robot: "I" or "II". labels: one for each trajectory.
+        axes: two matplotlib axes to draw on.
+
+    Returns:
+        The figure that was drawn on.
+
+    Raises:
+        UserError: nothing to draw, no such robot, or labels or axes of the wrong number.
+    """
+    i, group = robot_index(robot), runs(trajectories, labels)
+    figure, (angle, error) = style.panels(axes, [["angle"], ["error"]], height=4.4)
+    reference = {"θ desired": lambda run: run.zeta_desired[:, i, 0]}
+    time_panel(angle, group, {"θ": lambda run: run.zeta[:, i, 0]}, f"θ of {robot} [rad]", reference)
+    difference = {"θ - θ desired": lambda run: run.zeta[:, i, 0] - run.zeta_desired[:, i, 0]}
+    time_panel(error, group, difference, "error [rad]")
+    return figure
+
+
+@style.styled
+def arm_angles(*trajectories: Trajectory, robot: str, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
+    """Fig. 5 and 8: arm joints of one robot [rad]: yaw a1 with its reference; a2 and a3, which the constraints decide.
+
+    Args:
+        trajectories: one, or several to compare. robot: "I" or "II". labels: one for each trajectory.
+        axes: two matplotlib axes to draw on.
+
+    Returns:
+        The figure that was drawn on.
+
+    Raises:
+        UserError: nothing to draw, no such robot, or labels or axes of the wrong number.
+    """
+    i, group = robot_index(robot), runs(trajectories, labels)
+    figure, (yaw, pitch) = style.panels(axes, [["yaw"], ["pitch"]], height=4.4)
+    reference = {"a1 desired": lambda run: run.arm_desired[:, i]}
+    time_panel(yaw, group, {"a1": lambda run: run.q[:, i, 3]}, f"yaw of {robot} [rad]", reference)
+    joints = {"a2": lambda run: run.q[:, i, 4], "a3": lambda run: run.q[:, i, 5]}
+    time_panel(pitch, group, joints, f"pitch of {robot} [rad]")
+    return figure
+
+
+@style.styled
+def chained_errors(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
+    """Tracking errors zeta - zeta_d of both platforms in chained form (6): e1 [rad], e2 and e3 [m].
+
+    Args:
+        trajectories: one, or several to compare. labels: one for each. axes: two matplotlib axes to draw on.
+
+    Returns:
+        The figure that was drawn on.
+
+    Raises:
+        UserError: nothing to draw, or labels or axes of the wrong number.
+    """
+    group = runs(trajectories, labels)
+    figure, both = style.panels(axes, [["robot I"], ["robot II"]], height=4.4)
+    for panel, robot in zip(both, ROBOTS, strict=True):
+        errors_panel(panel, group, robot)
+    return figure
+
+
+def paths_panel(axes: Axes, group: Sequence[Run]) -> None:
+    """Paths of both platforms of every run."""
+    for k, (run, i) in enumerate((run, i) for run in group for i in range(len(ROBOTS))):
+        x, y = run.trajectory.q[:, i, 0], run.trajectory.q[:, i, 1]
+        kept, pen = _evenly(len(x)), style.pen(k)
+        label = ", ".join(filter(None, (f"robot {ROBOTS[i]}", run.label)))
+        axes.plot(x[kept], y[kept], label=label, **pen)
+        axes.plot(x[:1], y[:1], "o", color=pen["color"], label="_start")
+    reference = longest(group)
+    kept = _evenly(len(reference.t))
+    for i in range(len(ROBOTS)):
+        x, y = _midpoint(reference.zeta_desired[kept, i])
+        axes.plot(x, y, label="desired" if i == 0 else "_desired", **style.REFERENCE)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    style.legend(axes)
+
+
+def errors_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
+    """Errors of the chained form of one robot."""
+    i = robot_index(robot)
+    errors = {f"e{j + 1}": lambda run, j=j: run.zeta[:, i, j] - run.zeta_desired[:, i, j] for j in range(3)}
+    time_panel(axes, group, errors, f"errors of {robot} [rad, m]")
+
+
+def _midpoint(zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """x and y of the axle midpoint from zeta (T, 3): (6) solved for them."""
+    th, lateral, forward = zeta.T
+    return lateral * np.cos(th) - forward * np.sin(th), lateral * np.sin(th) + forward * np.cos(th)
+
+
+def _evenly(samples: int, points: int = 1000) -> np.ndarray:
+    return np.linspace(0, samples - 1, min(samples, points)).astype(int)

@@ -1,0 +1,116 @@
+"""How every figure looks: one place for sizes, fonts, colours, dashes, legends and files.
+
+Colours are Okabe and Ito's, neighbours differ in lightness, and lines differ in their dashes (the sixth is solid like
+the first, but much lighter), so figures can be read in grey and by colour-blind people. Figures are made without
+pyplot, so nothing here needs a display or touches global state for longer than one call.
+
+>>> pen(0)["color"] != pen(1)["color"]
+True
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from coopmm_jax.errors import UserError
+
+WIDTH = 6.4  # [inch]
+DPI = 150
+
+_LEGEND_FONT = 8  # [point]
+_RC = {
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.labelsize": 9,
+    "legend.fontsize": _LEGEND_FONT,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.xmargin": 0.01,
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.useoffset": False,
+    "legend.frameon": False,
+    "legend.handlelength": 2.6,
+    "legend.columnspacing": 1.2,
+    "figure.constrained_layout.use": True,
+}
+_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7")
+_DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (6, 1.5, 1.5, 1.5)), (0, (1.5, 1)), (0, (9, 3)))
+# Wide and pale, so that it shows on both sides of a result that lies on it.
+REFERENCE = {"color": "0.78", "linewidth": 4.0, "zorder": 1.5}
+FAILURE = {"color": "0.3", "linewidth": 2.5, "linestyle": (0, (0.5, 1))}
+
+
+def pen(colour: int, dash: int | None = None) -> dict[str, Any]:
+    """Line properties by the number of a colour and of a dash pattern, which is the same unless given."""
+    dash = colour if dash is None else dash
+    return {"color": _COLOURS[colour % len(_COLOURS)], "linestyle": _DASHES[dash % len(_DASHES)], "linewidth": 1.4}
+
+
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Run a figure function under this module's settings; those of the user are back when it returns."""
+
+    @functools.wraps(draw)
+    def under_settings(*args: Any, **kwargs: Any) -> Figure:
+        with matplotlib.rc_context(_RC):
+            return draw(*args, **kwargs)
+
+    return under_settings
+
+
+def panels(
+    axes: Any, layout: Sequence[Sequence[str]], height: float, width: float = WIDTH
+) -> tuple[Figure, list[Axes]]:
+    """The figure to draw on and its panels, in the order in which their names first appear in ``layout``.
+
+    Args:
+        axes: None for a new figure; else the axes to use, one per panel (a single one need not be in a list).
+        layout: rows of panel names, as for matplotlib's ``subplot_mosaic``. height, width: of a new figure [inch].
+
+    Raises:
+        UserError: ``axes`` has another number of axes.
+    """
+    names = list(dict.fromkeys(name for row in layout for name in row))
+    if axes is None:
+        figure = Figure(figsize=(width, height))
+        by_name = figure.subplot_mosaic([list(row) for row in layout])
+        return figure, [by_name[name] for name in names]
+    given = [axes] if isinstance(axes, Axes) else list(getattr(axes, "flat", axes))
+    if len(given) != len(names) or not all(isinstance(entry, Axes) for entry in given):
+        raise UserError("axes", f"{len(names)} matplotlib axes, for {', '.join(names)}", f"{len(given)} objects")
+    return given[0].get_figure(root=True), given
+
+
+def legend(axes: Axes, handles: Sequence[Artist] | None = None) -> None:
+    """A legend above the panel, where it cannot hide data, in as many columns as the panel has room for.
+
+    Args:
+        handles: labelled artists; by default all of the panel's.
+    """
+    handles = axes.get_legend_handles_labels()[0] if handles is None else handles
+    if handles:
+        widths = [4.5 + 0.52 * len(str(handle.get_label())) for handle in handles]  # [em], estimated, with the handle
+        room = axes.get_window_extent().width * 72.0 / axes.get_figure(root=True).dpi / _LEGEND_FONT
+        fitting = (n for n in range(len(widths), 1, -1) if sum(map(max, np.array_split(widths, n))) <= room)
+        columns = next(fitting, 1)
+        axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.1)
+
+
+def save(figure: Figure, path: str | Path, dpi: float = DPI) -> None:
+    """Write a figure; the suffix says as what (.png, .pdf, .svg)."""
+    with matplotlib.rc_context(_RC):
+        figure.savefig(path, dpi=dpi)
