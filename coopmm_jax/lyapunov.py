@@ -55,13 +55,15 @@ def analyse(trajectory: Trajectory, every: int = 1) -> Analysis:
         trajectory: what ``simulate`` returns. every: use every so manieth sample.
 
     Raises:
-        UserError: an adaptation rate gamma is zero; V2 of (31) divides by it.
+        UserError: no sample, ``every`` below 1, or an adaptation rate gamma of zero (V2 of (31) divides by it).
 
     >>> import coopmm_jax as cm
     >>> trajectory = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01}))
     >>> analyse(trajectory).c[:4].tolist()  # the paper's controller knows the plant
     [0.0, 0.0, 0.0, 0.0]
     """
+    if every < 1:
+        raise UserError("every", "1 or more", every)
     structure, parameters = trajectory.scenario.structure(), trajectory.scenario.parameters()
     return analyse_states(structure, parameters, *_states(trajectory, structure.rows, every))
 
@@ -76,6 +78,8 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
         UserError: as ``analyse``.
     """
     gains = parameters.gains
+    if len(t) == 0:
+        raise UserError("trajectory", "at least one sample long", "empty")
     if min(gains.gamma) <= 0:
         raise UserError("gains.gamma", "positive for the Lyapunov function (31)", gains.gamma)
     terms = proof_terms(structure, parameters, t, states)

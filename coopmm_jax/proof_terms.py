@@ -15,7 +15,7 @@ import numpy as np
 
 from coopmm_jax import coupling, robot
 from coopmm_jax.closed_loop import State, closed_loop, disturbance_torque
-from coopmm_jax.components import Scalar, Vector, congruence, dot, minus, norm
+from coopmm_jax.components import Scalar, Vector, dot, minus, norm
 from coopmm_jax.control import adaptive, backstepping, motion
 from coopmm_jax.model import Model, build_model
 from coopmm_jax.parameters import Gains, Parameters, Structure
@@ -137,7 +137,7 @@ def _V1_and_sigma(model: Model, part: coupling.Partition, t: Scalar, state: Stat
     for desired, position in zip(desired_motion(model.reference, t), state.position, strict=True):
         s = backstepping.backstepping_errors(gains, desired, position)
         V1 = V1 + 0.5 * (gains.k1 * s.s1 * s.s1 + s.s2 * s.s2 + s.s3 * s.s3)
-    z = motion.reference_velocities(gains, model.reference, part, t, state.position, memory.eta)
+    z = motion.reference_velocities(model, part, t, state.position, memory.eta)
     utilde = minus(state.velocity, z)
     n1 = len(part.independent[0])
     integral = (0.0, 0.0, *memory.integral[: n1 - 2], 0.0, 0.0, *memory.integral[n1 - 2 :])
@@ -193,8 +193,7 @@ def _reduced(structure: Structure, model: Model, lumped: tuple[robot.Lumped, rob
 
     k = coupling.kinematics(model, structure.rows, position, trials)
     dynamics = coupling.robot_dynamics(model, lumped, k)
-    in_u = tuple(congruence(T, d.inertia) for T, d in zip(k.bodies.T, dynamics, strict=True))
     bias = tuple(robot.inverse_dynamics(*each) for each in zip(dynamics, k.bodies.T, k.L_rate, strict=True))
-    M = _stacked(position[0].z1, coupling.reduced_inertia(k.reduction, in_u).rows)
+    M = _stacked(position[0].z1, coupling.reduced_inertia(k, dynamics).rows)
     h = _stacked(trials[0], coupling.restrict(k.reduction, bias))
     return Reduced(M[:, :, 0], 0.25 * (h[:, 1 : n + 1] - h[:, n + 1 :]), h[:, 0])
