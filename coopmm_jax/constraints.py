@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from coopmm_jax import robot
 from coopmm_jax.components import Matrix, Scalar, Vector, dot, minus, plus, scaled, sincos, sub
-from coopmm_jax.parameters import Geometry, Surface
+from coopmm_jax.parameters import Geometry, Hardware, Surface
 
 JOINTS = 5  # velocities u of one robot: u1, u2, a1dot, a2dot, a3dot
 
@@ -31,6 +31,14 @@ class Rows(NamedTuple):
     J: tuple[Matrix, Matrix]
     contacts: int  # rows that act on both robots; the rest act on robot II
     contact_point: Vector  # D = p1 - C along arm II's axes (e, n) [m]
+
+
+class SurfaceMotion(NamedTuple):
+    """The arc's radius now, and dphi/dt, d2phi/dt2 of the normal row at fixed robots [m, m/s, m/s^2]."""
+
+    radius: Scalar
+    phi_rate: Scalar
+    phi_acceleration: Scalar
 
 
 def bodies(geometry: tuple[Geometry, Geometry], position: tuple[robot.Position, robot.Position]) -> Bodies:
@@ -67,13 +75,20 @@ def _to_arm1(turn: tuple[Scalar, Scalar], vector: Vector) -> Vector:
     return c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]
 
 
-def constraint_rows(surface: Surface, geometry: tuple[Geometry, Geometry], names: tuple[str, ...], b: Bodies) -> Rows:
-    """phi and J of the rows in force; J u = 0.
+def constraint_rows(
+    surface: Surface,
+    geometry: tuple[Geometry, Geometry],
+    names: tuple[str, ...],
+    b: Bodies,
+    radius: Scalar | None = None,
+) -> Rows:
+    """phi and J of the rows in force; J u = 0, or J u = -dphi/dt where the surface moves.
 
     Args:
-        names: constraint rows, in the order of ``ALL_ROWS``.
+        names: constraint rows, in the order of ``ALL_ROWS``. radius: of the arc now, where it is not its nominal Rc.
     """
     Rc, Rg = surface.contact_radius, surface.guide_radius
+    now = Rc if radius is None else radius
     contact = _contact(surface, geometry, b)
     (e1, n1, up1), (e2, n2, up2) = (robot.tip_rows(g, a) for g, a in zip(geometry, b.arm, strict=True))
     n_centre = (*n2[:2], sub(n2[2], Rc), *n2[3:])  # the centre's velocity across arm II: tip's less Rc times arm yaw
@@ -81,7 +96,7 @@ def constraint_rows(surface: Surface, geometry: tuple[Geometry, Geometry], names
     p = contact.tip2
     table = {
         "contact_normal": (
-            (Rc * Rc - dot(contact.D1, contact.D1)) / (2.0 * Rc),
+            (now * now - dot(contact.D1, contact.D1)) / (2.0 * Rc),
             scaled(-1.0 / Rc, plus(scaled(contact.D1[0], e1), scaled(contact.D1[1], n1))),
             scaled(1.0 / Rc, plus(scaled(contact.D2[0], e2), scaled(contact.D2[1], n_centre))),
         ),
@@ -96,6 +111,34 @@ def constraint_rows(surface: Surface, geometry: tuple[Geometry, Geometry], names
     phi, J1, J2 = zip(*(table[name] for name in names), strict=True)
     contacts = sum(name.startswith("contact") for name in names)
     return Rows(phi, (Matrix(J1) @ b.T[0], Matrix(J2) @ b.T[1]), contacts, contact.D2)
+
+
+def sliding_rows(surface: Surface, geometry: tuple[Geometry, Geometry], b: Bodies) -> tuple[Vector, Vector]:
+    """Rows (5,) of each robot in u whose sum is the speed at which tip I slides along the arc [m/s].
+
+    The surface turns with arm II, so its point at the contact moves at p2dot + W2 x (p1 - p2).
+    """
+    Rc = surface.contact_radius
+    contact = _contact(surface, geometry, b)
+    (e1, n1, _), (e2, n2, _) = (robot.tip_rows(g, a) for g, a in zip(geometry, b.arm, strict=True))
+    yaw = (0, 0, 1, 0, 0)
+    D1, D2 = contact.D1, contact.D2
+    along = plus(e2, scaled(-D2[1], yaw))
+    across = plus(n2, scaled(D2[0] - Rc, yaw))
+    slide1 = plus(scaled(-D1[1] / Rc, e1), scaled(D1[0] / Rc, n1))
+    slide2 = plus(scaled(D2[1] / Rc, along), scaled(-D2[0] / Rc, across))
+    return b.T[0].T @ slide1, b.T[1].T @ slide2
+
+
+def surface_motion(hardware: Hardware, surface: Surface, t: Scalar) -> SurfaceMotion:
+    """The moving arc's radius, and the first two partial time derivatives of the normal row's phi."""
+    angle = hardware.surface_frequency * t + hardware.surface_phase
+    s, c = sincos(angle)
+    radius = surface.contact_radius + hardware.surface_amplitude * s
+    rate = hardware.surface_amplitude * hardware.surface_frequency * c
+    acceleration = -hardware.surface_amplitude * hardware.surface_frequency**2 * s
+    Rc = surface.contact_radius
+    return SurfaceMotion(radius, radius * rate / Rc, (rate * rate + radius * acceleration) / Rc)
 
 
 def convective(

@@ -14,6 +14,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
+
 from coopmm_jax import robot
 from coopmm_jax.components import (
     Matrix,
@@ -25,9 +27,10 @@ from coopmm_jax.components import (
     inverse_small,
     minus,
     plus,
+    scaled,
     sub,
 )
-from coopmm_jax.constraints import JOINTS, Bodies, Rows, bodies, constraint_rows, convective
+from coopmm_jax.constraints import JOINTS, Bodies, Rows, SurfaceMotion, bodies, constraint_rows, convective
 from coopmm_jax.model import Model
 
 
@@ -179,14 +182,32 @@ class Kinematics(NamedTuple):
 
 
 def kinematics(
-    model: Model, rows: tuple[str, ...], position: tuple[robot.Position, robot.Position], independent: Vector
+    model: Model,
+    rows: tuple[str, ...],
+    position: tuple[robot.Position, robot.Position],
+    independent: Vector,
+    motion: SurfaceMotion | None = None,
 ) -> Kinematics:
-    """(10) at one state: ``independent`` is u^1 (n,)."""
+    """(10) at one state: ``independent`` is u^1 (n,).
+
+    Args:
+        motion: of the object's surface. It adds to what (10) says: u = L u^1 + c with J c = -dphi/dt.
+    """
     b = bodies(model.geometry, position)
-    reduction = reduce(constraint_rows(model.surface, model.geometry, rows, b), rows)
+    radius = None if motion is None else motion.radius
+    reduction = reduce(constraint_rows(model.surface, model.geometry, rows, b, radius), rows)
     velocity = expand(reduction, independent)
+    if motion is not None:
+        carried = dependent_solution(reduction, _in_normal_row(rows, motion.phi_rate))
+        velocity = tuple(plus(u, c) for u, c in zip(velocity, carried, strict=True))
     bias = convective(model.surface, model.geometry, rows, b, velocity)
+    if motion is not None:
+        bias = plus(bias, _in_normal_row(rows, motion.phi_acceleration))
     return Kinematics(b, reduction, velocity, dependent_solution(reduction, bias))
+
+
+def _in_normal_row(rows: tuple[str, ...], value: Scalar) -> Vector:
+    return tuple(value if name == "contact_normal" else 0 for name in rows)
 
 
 class Accelerations(NamedTuple):
@@ -197,21 +218,50 @@ class Accelerations(NamedTuple):
     multipliers: Vector  # lambda (m,) [N]
 
 
-def constrained_accelerations(model: Model, k: Kinematics, force: tuple[Vector, Vector]) -> Accelerations:
-    """(11) under a generalised force (B tau - d of each robot, constraint forces left out), and lambda of (9)."""
+def constrained_accelerations(
+    model: Model,
+    k: Kinematics,
+    force: tuple[Vector, Vector],
+    friction: tuple[Vector, Vector] | None = None,
+) -> Accelerations:
+    """(11) under a generalised force (B tau - d of each robot, constraint forces left out), and lambda of (9).
+
+    Args:
+        friction: further force of each robot (5,) for each newton of |lambda_n|: Coulomb friction of the contact.
+    """
     dynamics = robot_dynamics(model, model.plant, k)
-
-    def required_force(acceleration: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-        return tuple(
-            robot.inverse_dynamics(d, T, a) for d, T, a in zip(dynamics, k.bodies.T, acceleration, strict=True)
-        )
-
-    at_rest = tuple(minus(f, h) for f, h in zip(force, required_force(k.L_rate), strict=True))
-    Mr = reduced_inertia(k, dynamics)
-    (independent,) = cholesky_solve(Mr, restrict(k.reduction, at_rest))
+    at_rest = tuple(minus(f, h) for f, h in zip(force, _required_force(dynamics, k, k.L_rate), strict=True))
+    pushes = (at_rest,) if friction is None else (at_rest, friction)
+    solutions = cholesky_solve(reduced_inertia(k, dynamics), *(restrict(k.reduction, f) for f in pushes))
+    # M L u1dot less the push, with everything that does not depend on u1dot already in the push.
+    left = tuple(
+        _less(_inertial_force(dynamics, k, expand(k.reduction, solution)), push)
+        for solution, push in zip(solutions, pushes, strict=True)
+    )
+    lam = tuple(multipliers(k.reduction, residual) for residual in left)
+    independent, forces = solutions[0], lam[0]
+    if friction is not None:
+        # lambda = free + |lambda_n| per_newton is piecewise linear in lambda_n, whose sign is that of its free value.
+        free, per_newton = lam
+        load = jnp.abs(free[0]) / (1.0 - jnp.sign(free[0]) * per_newton[0])
+        independent = plus(independent, scaled(load, solutions[1]))
+        forces = plus(free, scaled(load, per_newton))
     full = tuple(plus(x, y) for x, y in zip(expand(k.reduction, independent), k.L_rate, strict=True))
-    residual = tuple(minus(h, f) for h, f in zip(required_force(full), force, strict=True))
-    return Accelerations(independent, full, multipliers(k.reduction, residual))
+    return Accelerations(independent, full, forces)
+
+
+def _less(a: tuple[Vector, Vector], b: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    return tuple(minus(x, y) for x, y in zip(a, b, strict=True))
+
+
+def _required_force(dynamics: tuple, k: Kinematics, acceleration: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    """M udot + C u + G of each robot."""
+    return tuple(robot.inverse_dynamics(d, T, a) for d, T, a in zip(dynamics, k.bodies.T, acceleration, strict=True))
+
+
+def _inertial_force(dynamics: tuple, k: Kinematics, acceleration: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    """M udot of each robot."""
+    return tuple(T.T @ (d.inertia @ (T @ a)) for d, T, a in zip(dynamics, k.bodies.T, acceleration, strict=True))
 
 
 def reduced_inertia(k: Kinematics, dynamics: tuple[robot.Dynamics, robot.Dynamics]) -> Matrix:

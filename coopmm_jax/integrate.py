@@ -44,6 +44,18 @@ def rk4_step(field: Callable, t: Any, step: Any, state: PyTree) -> tuple[PyTree,
     return total, jax.tree.map(lambda s: s[0], signals)
 
 
+def rk4_hold(field: Callable, t: Any, step: Any, count: int, state: PyTree) -> tuple[PyTree, PyTree]:
+    """``count`` (static) Runge-Kutta steps from t; the state at their end and the signals at t."""
+    if count == 1:
+        return rk4_step(field, t, step, state)
+
+    def advance(state: PyTree, i: Any) -> tuple[PyTree, PyTree]:
+        return rk4_step(field, t + i.astype(jnp.result_type(step)) * step, step, state)
+
+    state, signals = jax.lax.scan(advance, state, jnp.arange(count, dtype=jnp.int32))
+    return state, jax.tree.map(lambda s: s[0], signals)
+
+
 def scan_segments(
     advance: Callable, carry: PyTree, segments: int, length: int, checkpoint: bool
 ) -> tuple[PyTree, PyTree]:

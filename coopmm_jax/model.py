@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from coopmm_jax import robot
-from coopmm_jax.components import Scalar
-from coopmm_jax.parameters import Disturbance, Gains, Geometry, Parameters, Reference, Surface
+from coopmm_jax.components import Scalar, Vector
+from coopmm_jax.parameters import Disturbance, Gains, Geometry, Hardware, Parameters, Reference, Surface
 
 
 class Model(NamedTuple):
@@ -20,6 +20,8 @@ class Model(NamedTuple):
     gains: Gains
     disturbance: Disturbance
     reference: Reference
+    posture: tuple[Vector, Vector]  # desired (a2, a3) of each robot where they are independent [rad]
+    hardware: Hardware
 
 
 def build_model(parameters: Parameters) -> Model:
@@ -39,4 +41,20 @@ def build_model(parameters: Parameters) -> Model:
         gains=parameters.gains,
         disturbance=parameters.disturbance,
         reference=parameters.reference,
+        posture=nominal_posture(parameters),
+        hardware=parameters.hardware,
+    )
+
+
+def nominal_posture(parameters: Parameters) -> tuple[Vector, Vector]:
+    """(a2, a3) of each robot when every reference is met: what a joint that no row fixes is asked to hold.
+
+    Robot II's arm works over its back (arm yaw pi/2 points at the centre), so its reach is the platform's radius less
+    the object's; robot I reaches Rc to the object's surface. Elbows stay on the side they start on.
+    """
+    plant, surface = parameters.plant, parameters.plant.surface
+    reaches = (surface.contact_radius, parameters.reference.radius[1] - surface.guide_radius)
+    return tuple(
+        robot.arm_angles(g, reach, surface.guide_height - 2.0 * g.l1, start.a3)
+        for g, reach, start in zip(plant.geometry, reaches, parameters.start, strict=True)
     )

@@ -110,6 +110,31 @@ class Pose(NamedTuple):
     a3: Scalar
 
 
+class Hardware(NamedTuple):
+    """What separates a real loop from the paper's: every default is the ideal. See ``Structure.features``."""
+
+    force_lag: Scalar = 0.0  # time constant of the force sensor [s]
+    force_bias: Scalar = 0.0  # of every measured row [N]
+    force_noise: Scalar = 0.0  # standard deviations, per sample [N]
+    encoder_noise: Scalar = 0.0  # of z1, z2, z3 and the joint angles [rad, m]
+    velocity_noise: Scalar = 0.0  # of the independent velocities [rad/s, m/s]
+    noise_seed: Scalar = 0.0  # whole numbers: the run's seed, and which of its noise streams (a sweep's sample)
+    noise_stream: Scalar = 0.0
+    wheel_limit: Scalar = math.inf  # torque limits [N m]
+    joint_limit: Scalar = math.inf
+    actuator_lag: Scalar = 0.0  # time constant of every actuator [s]
+    wheel_viscous: Scalar = 0.0  # [N m s]
+    joint_viscous: Scalar = 0.0
+    wheel_coulomb: Scalar = 0.0  # [N m]
+    joint_coulomb: Scalar = 0.0
+    friction_speed: Scalar = 0.01  # below which Coulomb friction fades [rad/s]
+    tip_friction: Scalar = 0.0  # Coulomb coefficient of the sliding contact [-]
+    slip_speed: Scalar = 0.01  # below which it fades [m/s]
+    surface_amplitude: Scalar = 0.0  # of the arc's radius, Rc + amplitude sin(frequency t + phase) [m]
+    surface_frequency: Scalar = 1.0  # [rad/s]
+    surface_phase: Scalar = 0.0  # [rad]
+
+
 PAPER_START = (Pose(2.5, 0.0, 0.0, 0.5253, -0.9273, 1.8546), Pose(1.2, 0.0, 0.0, 1.57, 2.62, 1.05))
 
 
@@ -122,6 +147,7 @@ class Parameters(NamedTuple):
     disturbance: Disturbance = Disturbance()
     reference: Reference = Reference()
     start: tuple[Pose, Pose] = PAPER_START
+    hardware: Hardware = Hardware()
 
 
 ALL_ROWS = ("contact_normal", "contact_height", "guide_radial", "guide_height")
@@ -138,3 +164,20 @@ class Structure(NamedTuple):
     robust_term: str = "proof"  # proof | printed: where chat stands in (19)
     u26: str = "printed"  # printed | corrected: U26 of (19)
     feedforward: str = "projected"  # projected | full: how U1 + U2 becomes a force on all joints
+    substeps: int = 0  # integration steps per control period; 0: the controller runs in continuous time
+    force_delay: int = 0  # whole samples by which the measured force is late
+    features: tuple[str, ...] = ()  # of FEATURES: which parts of ``Hardware`` are in force
+
+
+# Each adds terms or states to the loop, so it is switched statically and costs the ideal loop nothing.
+FEATURES = (
+    "force_lag",
+    "force_bias",
+    "noise",
+    "torque_limits",
+    "smooth_limits",
+    "actuator_lag",
+    "friction",
+    "tip_friction",
+    "surface_motion",
+)

@@ -14,11 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax import coupling, robot
-from coopmm_jax.closed_loop import State, closed_loop, disturbance_torque
+from coopmm_jax.closed_loop import State, closed_loop
 from coopmm_jax.components import Scalar, Vector, dot, minus, norm
 from coopmm_jax.control import adaptive, backstepping, motion
 from coopmm_jax.model import Model, build_model
 from coopmm_jax.parameters import Gains, Parameters, Structure
+from coopmm_jax.plant import disturbance_torque
 from coopmm_jax.reference import desired_motion
 
 # States evaluated together: few enough to stay below 0.3 GB, many enough that the cost of a call does not count.

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
+
 from coopmm_jax.components import Matrix, Scalar, Vector, plus, sincos
 from coopmm_jax.parameters import Geometry, Inertia, Pose
 
@@ -195,6 +197,26 @@ def actuator_torque(geometry: Geometry, position: Position, force: Vector) -> Ve
     turning = turning - position.z2 * forward
     common, difference = 0.5 * geometry.r * forward, 0.5 * geometry.r * turning / geometry.l
     return (common + difference, common - difference, *joints)
+
+
+def actuator_rates(geometry: Geometry, position: Position, u: Vector) -> Vector:
+    """Rates of the two wheels and three joints [rad/s]: B^T u, so that torque times rate is power."""
+    forward, turning = u[1] + position.z2 * u[0], u[0] * geometry.l
+    return ((forward + turning) / geometry.r, (forward - turning) / geometry.r, *u[2:])
+
+
+def arm_angles(geometry: Geometry, reach: Scalar, rise: Scalar, elbow: Scalar) -> tuple[Scalar, Scalar]:
+    """Pitch joints (a2, a3) [rad] that put the tip at ``reach`` along e and ``rise`` above the column [m].
+
+    Args:
+        elbow: any number with the wanted sign of a3.
+    """
+    A, B = 2.0 * geometry.l2, 2.0 * geometry.l3
+    cosine = (reach**2 + rise**2 - A**2 - B**2) / (2.0 * A * B)
+    # Out of reach the arm is stretched; the rollout then says so, as the constraint cannot be met.
+    a3 = jnp.copysign(jnp.arccos(jnp.clip(cosine, -1.0, 1.0)), elbow)
+    a2 = jnp.arctan2(rise, reach) - jnp.arctan2(B * jnp.sin(a3), A + B * jnp.cos(a3))
+    return a2, a3
 
 
 def tip_rows(geometry: Geometry, arm: Posture) -> tuple[Vector, Vector, Vector]:

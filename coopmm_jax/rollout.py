@@ -2,6 +2,8 @@
 
 >>> import jax
 >>> from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.plant import plant_kinematics
+from coopmm_jax.sampled_loop import initial_devices, sampled_step
 >>> final = jax.jit(lambda p: rollout(Structure(), p, 1e-3, 2, Plan(1, 3)).state)(Parameters())
 """
 
@@ -21,6 +23,8 @@ from coopmm_jax.integrate import rk4_step, scan_segments
 from coopmm_jax.model import Model, build_model
 from coopmm_jax.packed import Packed
 from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.plant import plant_kinematics
+from coopmm_jax.sampled_loop import initial_devices, sampled_step
 from coopmm_jax.status import Health, Status, judge
 
 # Newton's steps for the start: from the paper's printed angles six reach 1e-15; the rest is for distant starts.
@@ -77,7 +81,7 @@ def initial_state(structure: Structure, model: Model, parameters: Parameters) ->
     at_rest = (zero,) * n
 
     def solve(position: tuple) -> coupling.Kinematics:
-        return coupling.kinematics(model, structure.rows, position, at_rest)
+        return plant_kinematics(structure, model, zero, position, at_rest)
 
     def newton(position: tuple, _: None) -> tuple[tuple, None]:
         k = solve(position)
@@ -91,7 +95,8 @@ def initial_state(structure: Structure, model: Model, parameters: Parameters) ->
     for phi in reduction.rows.phi[1:]:
         residual = jnp.maximum(residual, jnp.abs(phi))
     memory = Memory((zero,) * (n - 4), (zero, zero), parameters.gains.c_hat0, (zero,) * len(structure.rows))
-    return State(position, at_rest, memory), residual, reduction.determinants
+    state = State(position, at_rest, memory, initial_devices(structure, zero))
+    return state, residual, reduction.determinants
 
 
 def rollout(
@@ -107,7 +112,8 @@ def rollout(
 
     Args:
         structure, plan, observer.update, record: static. parameters: pytree of scalars.
-        step: integration step [s]. steps: number of steps, at most what ``plan`` covers; may be traced.
+        step: integration step, or control period where the controller is sampled [s].
+        steps: number of them, at most what ``plan`` covers; may be traced.
         observer: accumulated at the samples 0..steps, both ends included. record: keep (t, signals) of each segment.
 
     Returns:
@@ -123,7 +129,10 @@ def rollout(
     def advance(carry: tuple, i: Scalar) -> tuple[tuple, Any]:
         state, total, health = carry
         t = i.astype(dtype) * step
-        proposed, signals = rk4_step(lambda at, x: closed_loop(structure, model, at, x), t, step, state)
+        if structure.substeps:
+            proposed, signals = sampled_step(structure, model, i, t, step, state)
+        else:
+            proposed, signals = rk4_step(lambda at, x: closed_loop(structure, model, at, x), t, step, state)
         running = (health.status == 0) & (i <= steps)  # what the plan has room for beyond the horizon cannot fail
         status = jnp.where(running, judge(proposed, signals, determinants), health.status)
         failed = (status != 0) & (health.status == 0)

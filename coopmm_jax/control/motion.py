@@ -10,8 +10,8 @@ from coopmm_jax import coupling, robot
 from coopmm_jax.components import Scalar, Vector, minus, norm, plus, scaled
 from coopmm_jax.control import adaptive, backstepping
 from coopmm_jax.model import Model
-from coopmm_jax.parameters import Gains, Reference, Structure
-from coopmm_jax.reference import desired_motion
+from coopmm_jax.parameters import Structure
+from coopmm_jax.reference import Desired, desired_motion
 
 
 class Memory(NamedTuple):
@@ -54,15 +54,20 @@ def arm_joints(part: coupling.Partition, position: tuple[robot.Position, robot.P
     )
 
 
-def reference_velocities(
-    gains: Gains, reference: Reference, part: coupling.Partition, t: Scalar, position: tuple, eta: tuple
-) -> Vector:
+def with_posture(desired: Desired, posture: Vector, count: int) -> Desired:
+    """Desired motion of one robot whose first ``count`` arm joints are independent: yaw, then the nominal posture."""
+    held = posture[: count - 1]
+    return desired._replace(arm=desired.arm + tuple(held), arm_rate=desired.arm_rate + (0.0,) * len(held))
+
+
+def reference_velocities(model: Model, part: coupling.Partition, t: Scalar, position: tuple, eta: tuple) -> Vector:
     """z (n,) of both robots, (12) and (13)."""
+    arms = arm_joints(part, position)
     return sum(
         (
-            backstepping.reference_velocity(gains, desired, p, arm, e)
-            for desired, p, arm, e in zip(
-                desired_motion(reference, t), position, arm_joints(part, position), eta, strict=True
+            backstepping.reference_velocity(model.gains, with_posture(desired, posture, len(arm)), p, arm, e)
+            for desired, posture, p, arm, e in zip(
+                desired_motion(model.reference, t), model.posture, position, arms, eta, strict=True
             )
         ),
         (),
@@ -78,8 +83,7 @@ def position_rates(position: tuple, velocity: tuple[Vector, Vector]) -> tuple[ro
 
 
 def motion_errors(
-    gains: Gains,
-    reference: Reference,
+    model: Model,
     part: coupling.Partition,
     t: Scalar,
     position: tuple,
@@ -90,7 +94,7 @@ def motion_errors(
 ) -> MotionErrors:
     """utilde, sigma and nudot; zdot is the chain rule over t, the positions and eta, by forward differentiation."""
     z, z_rate = jax.jvp(
-        lambda *at: reference_velocities(gains, reference, part, *at),
+        lambda *at: reference_velocities(model, part, *at),
         (t, position, memory.eta),
         (t * 0.0 + 1.0, rates, eta_rates),
     )
@@ -100,7 +104,7 @@ def motion_errors(
     integrals = (memory.integral[:n1], memory.integral[n1:])
 
     def on_arms(values: tuple[Vector, Vector]) -> Vector:
-        return sum(((0, 0, *scaled(gains.K_u, v)) for v in values), ())
+        return sum(((0, 0, *scaled(model.gains.K_u, v)) for v in values), ())
 
     sigma = plus(utilde, on_arms(integrals))
     nu_rate = minus(z_rate, on_arms((first[2:], second[2:])))
@@ -121,7 +125,7 @@ def motion_control(
         backstepping.eta_rate(gains, d, p, e) for d, p, e in zip(targets, position, memory.eta, strict=True)
     )
     rates = position_rates(position, k.velocity)
-    errors = motion_errors(gains, model.reference, part, t, position, rates, independent, memory, eta_rates)
+    errors = motion_errors(model, part, t, position, rates, independent, memory, eta_rates)
     damping = tuple(gain * s for gain, s in zip(gains.K_sigma, errors.sigma, strict=True))
     acceleration = minus(errors.nu_rate, damping)
     utilde = split(part, errors.utilde)

@@ -1,0 +1,42 @@
+"""Actuators of the real loop: torque limits, friction of wheels and joints."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+
+from coopmm_jax.components import Scalar, Vector
+from coopmm_jax.parameters import Hardware, Structure
+
+
+def limited(structure: Structure, hardware: Hardware, torque: Vector) -> Vector:
+    """Torques of one robot's five actuators held within their limits [N m].
+
+    ``torque_limits`` clips; ``smooth_limits`` uses x / (1 + (x/limit)^8)^(1/8), within 0.1 % of x up to a third of the
+    limit and never beyond it, whose gradient does not vanish at once.
+    """
+    limits = (hardware.wheel_limit,) * 2 + (hardware.joint_limit,) * 3
+    if "smooth_limits" in structure.features:
+        return tuple(_smoothly(x, limit) for x, limit in zip(torque, limits, strict=True))
+    if "torque_limits" in structure.features:
+        return tuple(jnp.clip(x, -limit, limit) for x, limit in zip(torque, limits, strict=True))
+    return torque
+
+
+def _smoothly(x: Scalar, limit: Scalar) -> Scalar:
+    eighth_power = (x / limit) ** 8
+    return x / jnp.sqrt(jnp.sqrt(jnp.sqrt(1.0 + eighth_power)))
+
+
+def friction_torque(hardware: Hardware, rates: Vector) -> Vector:
+    """Friction of the five actuators [N m] at their rates [rad/s]: viscous and Coulomb, smoothed around standstill."""
+    viscous = (hardware.wheel_viscous,) * 2 + (hardware.joint_viscous,) * 3
+    coulomb = (hardware.wheel_coulomb,) * 2 + (hardware.joint_coulomb,) * 3
+    return tuple(
+        b * rate + c * smooth_sign(rate, hardware.friction_speed)
+        for b, c, rate in zip(viscous, coulomb, rates, strict=True)
+    )
+
+
+def smooth_sign(x: Scalar, width: Scalar) -> Scalar:
+    """x / sqrt(x^2 + width^2): the sign of x, passing zero over about ``width``; cheaper than tanh and as smooth."""
+    return x / jnp.sqrt(x * x + width * width)

@@ -1,0 +1,64 @@
+"""The two coupled robots under given actuator torques: (1), (2) and (11) with disturbance, friction, moving surface."""
+
+from __future__ import annotations
+
+from coopmm_jax import coupling, robot
+from coopmm_jax.actuators import friction_torque, smooth_sign
+from coopmm_jax.components import Scalar, Vector, dot, minus, plus, scaled, sincos
+from coopmm_jax.constraints import sliding_rows, surface_motion
+from coopmm_jax.control.motion import position_rates
+from coopmm_jax.model import Model
+from coopmm_jax.parameters import Disturbance, Structure
+
+# Rate [1/s] at which drift of the dependent joints off the constraints decays. RK4 at 1 ms leaves about 1e-12 m a step,
+# so any rate of this order keeps |phi| below 1e-9; it is far below 1 / step, so it adds no stiffness.
+DRIFT_RATE = 10.0
+
+
+def disturbance_torque(disturbance: Disturbance, t: Scalar) -> Vector:
+    """Torque on each of a robot's five actuators [N m]; on the left of (1), so it opposes tau."""
+    wave = disturbance.scale * sincos(disturbance.frequency * t + disturbance.phase)[0]
+    wheel, joint = disturbance.wheel * wave, disturbance.joint * wave
+    return (wheel, wheel, joint, joint, joint)
+
+
+def plant_kinematics(
+    structure: Structure, model: Model, t: Scalar, position: tuple, independent: Vector
+) -> coupling.Kinematics:
+    """The true constrained motion, moving surface included."""
+    moving = "surface_motion" in structure.features
+    motion = surface_motion(model.hardware, model.surface, t) if moving else None
+    return coupling.kinematics(model, structure.rows, position, independent, motion)
+
+
+def respond(
+    structure: Structure, model: Model, t: Scalar, k: coupling.Kinematics, force: tuple[Vector, Vector]
+) -> coupling.Accelerations:
+    """Accelerations and multipliers under a generalised actuator force B tau of each robot (5,)."""
+    opposing = disturbance_torque(model.disturbance, t)
+    driving = []
+    for f, g, p, u in zip(force, model.geometry, k.bodies.position, k.velocity, strict=True):
+        losses = opposing
+        if "friction" in structure.features:
+            losses = plus(opposing, friction_torque(model.hardware, robot.actuator_rates(g, p, u)))
+        driving.append(minus(f, robot.actuator_force(g, p, losses)))
+    friction = _tip_friction(model, k) if "tip_friction" in structure.features else None
+    return coupling.constrained_accelerations(model, k, tuple(driving), friction)
+
+
+def _tip_friction(model: Model, k: coupling.Kinematics) -> tuple[Vector, Vector]:
+    """Coulomb friction of the sliding tip for each newton of |lambda_n|, on each robot (5,).
+
+    It acts along the arc; where no groove holds the tip's height, sliding up and down is free of it.
+    """
+    rows = sliding_rows(model.surface, model.geometry, k.bodies)
+    speed = sum(dot(row, u) for row, u in zip(rows, k.velocity, strict=True))
+    share = -model.hardware.tip_friction * smooth_sign(speed, model.hardware.slip_speed)
+    return tuple(scaled(share, row) for row in rows)
+
+
+def rates_without_drift(k: coupling.Kinematics) -> tuple[robot.Position, robot.Position]:
+    """Rates of all twelve coordinates; the dependent joints' also work phi off at ``DRIFT_RATE``."""
+    correction = coupling.dependent_solution(k.reduction, scaled(DRIFT_RATE, k.reduction.rows.phi))
+    rates = position_rates(k.bodies.position, k.velocity)
+    return tuple(robot.Position(*r[:3], *plus(r[3:], c[2:])) for r, c in zip(rates, correction, strict=True))

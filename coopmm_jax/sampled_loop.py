@@ -1,0 +1,143 @@
+"""The loop as a computer runs it: measure, decide and adapt once per control period, hold the torque in between."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from coopmm_jax import coupling, plant, robot
+from coopmm_jax.closed_loop import Devices, Signals, State, act, ideal_sensing, observe, torque_rates
+from coopmm_jax.components import Scalar, Vector, plus
+from coopmm_jax.control.motion import Memory, motion_control
+from coopmm_jax.integrate import rk4_hold
+from coopmm_jax.model import Model
+from coopmm_jax.parameters import Structure
+
+
+class Noise(NamedTuple):
+    """Measurement errors of one sample."""
+
+    position: tuple[robot.Position, robot.Position]
+    velocity: Vector  # (n,)
+    force: Vector  # (m,) [N]
+
+
+def draw_noise(structure: Structure, model: Model, sample: Scalar) -> Noise:
+    """Gaussian errors of one sample.
+
+    The key is folded from seed, stream and sample number, so a rollout's noise does not depend on the batch it is in.
+    """
+    hardware, n = model.hardware, coupling.JOINTS * 2 - len(structure.rows)
+    key = jax.random.key(hardware.noise_seed.astype(jnp.uint32))
+    key = jax.random.fold_in(jax.random.fold_in(key, hardware.noise_stream.astype(jnp.uint32)), sample)
+    count = 12 + n + len(structure.rows)
+    values = jax.random.normal(key, (count,), hardware.noise_seed.dtype)
+    values = [values[i] for i in range(count)]
+    encoders = [hardware.encoder_noise * x for x in values[:12]]
+    return Noise(
+        (robot.Position(*encoders[:6]), robot.Position(*encoders[6:])),
+        tuple(hardware.velocity_noise * x for x in values[12 : 12 + n]),
+        tuple(hardware.force_noise * x for x in values[12 + n :]),
+    )
+
+
+class _Motion(NamedTuple):
+    """What moves between two samples."""
+
+    position: tuple[robot.Position, robot.Position]
+    velocity: Vector
+    torque: Vector  # of lagging actuators (10,); empty otherwise
+
+
+def sampled_step(
+    structure: Structure, model: Model, sample: Scalar, t: Scalar, period: Scalar, state: State
+) -> tuple[State, Signals]:
+    """One control period: sample at t, act, integrate the robots under held torque by ``substeps`` RK4 steps.
+
+    Memory (adaptation, integrals, eta) moves by one Euler step per sample, as a control computer would do it.
+
+    Args:
+        sample: number of this sample. period: control period [s].
+
+    Returns:
+        The state at t + period, and the signals at t, just after the torque has been set.
+    """
+    truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity)
+    seen, independent, noise = _measure(structure, model, sample, truth, state)
+    command = motion_control(structure, model, t, seen, independent, state.memory)
+    action = act(structure, model, t, truth, seen, command, state)
+
+    moved, forces = _hold(structure, model, t, period, state, action.target)
+    rates = Memory(command.integral_rate, command.eta_rate, command.c_hat_rate, action.measured_error)
+    memory = jax.tree.map(lambda x, rate: x + period * rate, state.memory, rates)
+    devices = _sense(structure, model, period, state.devices, forces, noise)._replace(torque=moved.torque)
+    signals = observe(structure, model, truth, state, command.sigma, action._replace(moved=_seen_at(action, forces)))
+    return State(moved.position, moved.velocity, memory, devices), signals
+
+
+def _seen_at(action: Any, forces: Vector) -> coupling.Accelerations:
+    """The response at the sample, with the multipliers of the first integration stage, which is computed anyway."""
+    return action.moved._replace(multipliers=forces)
+
+
+def _measure(
+    structure: Structure, model: Model, sample: Scalar, truth: coupling.Kinematics, state: State
+) -> tuple[coupling.Kinematics, Vector, Noise | None]:
+    """What the controller takes the robots' state for, and the sample's noise."""
+    noise = draw_noise(structure, model, sample) if "noise" in structure.features else None
+    if noise is None and "surface_motion" not in structure.features:
+        return truth, state.velocity, None
+    position, independent = state.position, state.velocity
+    if noise is not None:
+        position = tuple(robot.Position(*plus(p, error)) for p, error in zip(position, noise.position, strict=True))
+        independent = plus(independent, noise.velocity)
+    return coupling.kinematics(model, structure.rows, position, independent), independent, noise
+
+
+def _hold(
+    structure: Structure, model: Model, t: Scalar, period: Scalar, state: State, target: tuple[Vector, Vector]
+) -> tuple[_Motion, Vector]:
+    """Robots and actuators over one period under a constant torque command; also lambda (m,) at its start."""
+    lagging = "actuator_lag" in structure.features
+
+    def field(at: Scalar, x: _Motion) -> tuple[_Motion, Vector]:
+        k = plant.plant_kinematics(structure, model, at, x.position, x.velocity)
+        applied = (tuple(x.torque[:5]), tuple(x.torque[5:])) if lagging else target
+        force = tuple(map(robot.actuator_force, model.geometry, x.position, applied))
+        moved = plant.respond(structure, model, at, k, force)
+        torque = torque_rates(model, target, x.torque) if lagging else ()
+        return _Motion(plant.rates_without_drift(k), moved.independent, torque), moved.multipliers
+
+    start = _Motion(state.position, state.velocity, state.devices.torque)
+    return rk4_hold(field, t, period / structure.substeps, structure.substeps, start)
+
+
+def _sense(
+    structure: Structure, model: Model, period: Scalar, devices: Devices, forces: Vector, noise: Noise | None
+) -> Devices:
+    """The force sensor at the next sample: noise, delay line, then the exact first-order lag over one period."""
+    if ideal_sensing(structure):
+        return devices
+    arriving = forces if noise is None else plus(forces, noise.force)
+    late = devices.late_forces
+    # The sample just taken is itself seen one sample later, so a delay of one needs no line.
+    if late:
+        arriving, late = late[0], (*late[1:], arriving)
+    shown = arriving
+    if "force_lag" in structure.features:
+        keep = jnp.exp(-period / model.hardware.force_lag)
+        shown = tuple(keep * old + (1.0 - keep) * new for old, new in zip(devices.force, arriving, strict=True))
+    return devices._replace(force=shown, late_forces=late)
+
+
+def initial_devices(structure: Structure, zero: Scalar) -> Devices:
+    """Sensors and actuators at rest."""
+    force = (zero,) * len(structure.rows)
+    waiting = structure.force_delay if "force_lag" in structure.features else structure.force_delay - 1
+    return Devices(
+        torque=(zero,) * 10 if "actuator_lag" in structure.features else (),
+        force=() if ideal_sensing(structure) else force,
+        late_forces=(force,) * max(waiting, 0),
+    )
