@@ -31,6 +31,7 @@ from coopmm_jax.parameters import (
     Structure,
     Surface,
 )
+from coopmm_jax.uncertainty_schema import Uncertainty
 from coopmm_jax.validation import closest, validate
 
 VELOCITIES = 10  # of both robots; each constraint row makes one of them dependent
@@ -49,6 +50,7 @@ class Scenario(schema.Section):
     disturbance: schema.Disturbance = schema.Disturbance()
     reference: schema.Reference = schema.Reference()
     initial: schema.Initial = schema.Initial()
+    uncertainty: Uncertainty = Uncertainty()
 
     @property
     def steps(self) -> int:
@@ -81,27 +83,28 @@ class Scenario(schema.Section):
             plant=self._plant(),
             nominal=self._nominal(),
             gains=self._gains(),
-            disturbance=Disturbance(**self.disturbance.model_dump()),
+            disturbance=Disturbance(**dict(self.disturbance)),
             reference=self._reference(),
-            start=_per_robot(Pose, self.initial.model_dump()),
+            start=_per_robot(Pose, dict(self.initial)),
         )
 
     def _plant(self) -> Plant:
-        values = self.plant.model_dump()
-        surface = Surface(**self.coupling.model_dump(exclude={"rows"}))
+        values, coupling = dict(self.plant), self.coupling
+        surface = Surface(coupling.contact_radius, coupling.guide_radius, coupling.guide_height)
         return Plant(_per_robot(Geometry, values), _inertias(values), surface, self.plant.gravity)
 
     def _nominal(self) -> tuple[Inertia, Inertia]:
         plant = {name: _scaled(getattr(self.plant, name), self.nominal.scale) for name in Inertia._fields}
-        return _inertias(plant | self.nominal.model_dump(exclude={"scale"}, exclude_none=True))
+        given = {name: value for name, value in self.nominal if name != "scale" and value is not None}
+        return _inertias(plant | given)
 
     def _gains(self) -> Gains:
-        values = self.gains.model_dump() | {"delta_floor": self.law.delta_floor}
+        values = dict(self.gains) | {"delta_floor": self.law.delta_floor}
         counts = {"gamma": 5, "c_hat0": 5} | {name: count for name, (count, _) in self._entries().items()}
         return Gains(**values | {name: _spread(values[name], count) for name, count in counts.items()})
 
     def _reference(self) -> Reference:
-        values = self.reference.model_dump()
+        values = dict(self.reference)
         return Reference(**values | {name: _spread(values[name], 2) for name in ("radius", "arm_centre", "arm_swing")})
 
     def _entries(self) -> dict[str, tuple[int, str]]:
@@ -117,6 +120,14 @@ class Scenario(schema.Section):
             if isinstance(value, tuple) and len(value) != count:
                 must = f"one number or a list of {count}, one per {what}"
                 raise UserError(f"gains.{name}", must, f"a list of {len(value)}")
+        return self
+
+    @model_validator(mode="after")
+    def _what_varies_can(self) -> Scenario:
+        if self.uncertainty.entries():
+            from coopmm_jax.uncertainty import vary  # imports scipy, which few scenarios need
+
+            vary(self)
         return self
 
 
