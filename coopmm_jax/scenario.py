@@ -18,6 +18,7 @@ from pydantic import model_validator
 
 from coopmm_jax import scenario_schema as schema
 from coopmm_jax.errors import UserError
+from coopmm_jax.hardware_schema import HardwareSections
 from coopmm_jax.overrides import merged
 from coopmm_jax.parameters import (
     Disturbance,
@@ -37,7 +38,7 @@ from coopmm_jax.validation import closest, validate
 VELOCITIES = 10  # of both robots; each constraint row makes one of them dependent
 
 
-class Scenario(schema.Section):
+class Scenario(HardwareSections):
     """A complete, valid scenario; immutable and hashable. The defaults are the paper's section IV."""
 
     description: str = ""
@@ -54,8 +55,13 @@ class Scenario(schema.Section):
 
     @property
     def steps(self) -> int:
-        """Number of integration steps."""
-        return self.simulation.steps
+        """Number of samples after the first: integration steps, or control periods where the loop is sampled."""
+        return round(self.simulation.duration / self.sample_time)
+
+    @property
+    def sample_time(self) -> float:
+        """Time between samples [s]: the integration step, or the control period where the loop is sampled."""
+        return self.loop.control_period or self.simulation.step
 
     def with_overrides(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with some fields changed: ``scenario.with_overrides({"gains.K_lambda": 2})``.
@@ -75,7 +81,15 @@ class Scenario(schema.Section):
     def structure(self) -> Structure:
         """The choices that change the equations themselves."""
         law = self.law
-        return Structure(self.coupling.rows, law.robust_term, law.u26, law.feedforward)
+        return Structure(
+            self.coupling.rows,
+            law.robust_term,
+            law.u26,
+            law.feedforward,
+            substeps=self.loop.substeps(self.simulation),
+            force_delay=self.sensing.force_delay,
+            features=self.features(),
+        )
 
     def parameters(self) -> Parameters:
         """Everything numeric, as Python floats in the pytree that a rollout takes."""
@@ -86,6 +100,7 @@ class Scenario(schema.Section):
             disturbance=Disturbance(**dict(self.disturbance)),
             reference=self._reference(),
             start=_per_robot(Pose, dict(self.initial)),
+            hardware=self.hardware(self.simulation.seed),
         )
 
     def _plant(self) -> Plant:

@@ -61,11 +61,6 @@ class Simulation(Section):
     precision: Literal["float64", "float32"] = _field("float64", "floating point numbers of the run")
     seed: Annotated[int, Strict(), Field(ge=0, lt=2**32)] = _field(0, "of everything random in the run")
 
-    @property
-    def steps(self) -> int:
-        """Number of integration steps."""
-        return round(self.duration / self.step)
-
     @model_validator(mode="after")
     def _whole_samples(self) -> Simulation:
         sample = self.step * self.record_every
