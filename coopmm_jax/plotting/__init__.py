@@ -14,11 +14,12 @@ from coopmm_jax.plotting.control import adaptation, filtered_error, torques
 from coopmm_jax.plotting.force import constraint_forces, constraint_residual, contact_force
 from coopmm_jax.plotting.motion import arm_angles, chained_errors, platform_angle, platform_paths
 from coopmm_jax.plotting.overview import overview
-from coopmm_jax.plotting.style import save
+from coopmm_jax.plotting.style import caption, save
 
 __all__ = [
     "adaptation",
     "arm_angles",
+    "caption",
     "chained_errors",
     "constraint_forces",
     "constraint_residual",

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 START = 1.0  # [s] shown of a run's start, or a twentieth of the run if that is less
 SETTLED = 0.25  # fraction of a run after which it is shown as settled
-LOST = {"color": "0.7", "linewidth": 0.0}
+LOST = {"facecolor": "none", "edgecolor": "0.4", "hatch": "/////", "linewidth": 0.0}  # unlike a reference, even in grey
 SMALLEST = 1e-16  # [m], rounding of the lengths here, so that zero has a place on a logarithmic axis
 
 
@@ -25,7 +25,7 @@ SMALLEST = 1e-16  # [m], rounding of the lengths here, so that zero has a place 
 def contact_force(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
     """Fig. 10: normal contact force [N] with its desired value: the whole run, its start, and once it has settled.
 
-    Where the force is negative the contact would have opened; that is shaded.
+    Where the force is negative the contact would have opened; that is hatched.
 
     Args:
         trajectories: one, or several to compare. labels: one for each. axes: three matplotlib axes to draw on.

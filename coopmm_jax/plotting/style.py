@@ -29,7 +29,7 @@ DPI = 150
 _LEGEND_FONT = 8  # [point]
 _RC = {
     "font.size": 9,
-    "axes.titlesize": 10,
+    "hatch.linewidth": 0.6,
     "axes.labelsize": 9,
     "legend.fontsize": _LEGEND_FONT,
     "xtick.labelsize": 8,
@@ -48,7 +48,7 @@ _RC = {
     "legend.columnspacing": 1.2,
     "figure.constrained_layout.use": True,
 }
-_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7")
+_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#56B4E9", "#D55E00", "#CC79A7")
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (6, 1.5, 1.5, 1.5)), (0, (1.5, 1)), (0, (9, 3)))
 # Wide and pale, so that it shows on both sides of a result that lies on it.
 REFERENCE = {"color": "0.78", "linewidth": 4.0, "zorder": 1.5}
@@ -108,6 +108,11 @@ def legend(axes: Axes, handles: Sequence[Artist] | None = None) -> None:
         fitting = (n for n in range(len(widths), 1, -1) if sum(map(max, np.array_split(widths, n))) <= room)
         columns = next(fitting, 1)
         axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.1)
+
+
+def caption(figure: Figure, text: str) -> None:
+    """Say above a figure what it shows."""
+    figure.suptitle(text, fontsize=10)
 
 
 def save(figure: Figure, path: str | Path, dpi: float = DPI) -> None:
