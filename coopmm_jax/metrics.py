@@ -1,0 +1,274 @@
+"""Metrics of one rollout, accumulated inside its scan: a few dozen scalars instead of a trajectory.
+
+``observer`` goes into ``rollout``, ``finish`` turns what it gathered into the numbers that ``METRICS`` describes. Both
+work under jit, vmap and grad, so a sweep keeps one row of metrics for each of its rollouts.
+
+>>> from coopmm_jax.parameters import Parameters, Structure
+>>> from coopmm_jax.rollout import Plan, rollout
+>>> horizon = {"duration": 2e-3, "step": 1e-3}
+>>> gather = observer(Structure(), Parameters(), **horizon)
+>>> total = rollout(Structure(), Parameters(), 1e-3, 2, Plan(1, 3), gather).total
+>>> round(float(finish(total, **horizon)["position_max_1"]), 3)
+0.1
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from coopmm_jax.closed_loop import Signals
+from coopmm_jax.components import Scalar, Vector, dot, minus, sincos
+from coopmm_jax.parameters import Parameters, Reference, Structure, Surface
+from coopmm_jax.reference import desired_motion
+from coopmm_jax.rollout import Observer
+
+LATE = 0.75  # "late" is from this fraction of the horizon on
+SETTLED = 0.01  # tracking error above which a rollout has not settled
+
+_ERRORS = {  # each a vector; its name in METRICS takes a statistic in place of {}
+    "heading_{}_1": ("rad", "platform angle z1 of robot I less the desired one"),
+    "heading_{}_2": ("rad", "platform angle z1 of robot II less the desired one"),
+    "position_{}_1": ("m", "(z2, z3) of robot I less the desired ones"),
+    "position_{}_2": ("m", "(z2, z3) of robot II less the desired ones"),
+    "arm_{}_1": ("rad", "arm yaw a1 of robot I less the desired one"),
+    "arm_{}_2": ("rad", "arm yaw a1 of robot II less the desired one"),
+    "object_{}": ("m", "object (tip II) less the desired point on its guide circle"),
+    "relative_tip_{}": ("m", "tip I less the desired point on the object's arc, both seen from arm II"),
+}
+_TRACKING = tuple(_ERRORS)[:6]
+_STATISTICS = {"rms": "root mean square of the norm of", "max": "largest norm of", "final": "last norm of"}
+
+# name -> (unit, meaning). Samples are the steps (control periods of a sampled loop) 0, 1, ..., up to the horizon or a
+# failure.
+METRICS: dict[str, tuple[str, str]] = {
+    **{
+        error.format(statistic): (unit, f"{words} {meaning}")
+        for error, (unit, meaning) in _ERRORS.items()
+        for statistic, words in _STATISTICS.items()
+    },
+    "error_late": ("rad, m", "tracking error (norm of all heading, position and arm errors): largest, late"),
+    "settling_time": ("s", f"end of the last sample with a tracking error above {SETTLED}; at most the duration"),
+    "force_error_rms": ("N", "normal contact force less the desired one: root mean square"),
+    "force_error_rms_late": ("N", "normal contact force less the desired one: root mean square, late"),
+    "force_error_final": ("N", "normal contact force less the desired one: last size"),
+    "force_min": ("N", "normal contact force: smallest (negative: the contact would open)"),
+    "force_max": ("N", "normal contact force: largest"),
+    "force_min_late": ("N", "normal contact force: smallest, late"),
+    "force_max_late": ("N", "normal contact force: largest, late"),
+    "contact_loss_fraction": ("-", "samples with a negative normal contact force, of all samples"),
+    "contact_loss_time": ("s", "number of samples with a negative normal contact force, times the step"),
+    "contact_loss_depth": ("N", "largest pull that would be needed to keep the contact; 0 without contact loss"),
+    "internal_force_max": ("N", "largest size of the other constraint forces; 0 if there are no other rows"),
+    "torque_rms": ("N m", "torques of all ten actuators: root mean square"),
+    "torque_peak": ("N m", "torques of all ten actuators: largest size"),
+    "torque_variation": ("N m", "torques of all ten actuators: sum of their total variations"),
+    "wheel_torque_variation_late": ("N m", "torques of the four wheels: sum of their total variations, late"),
+    "c_hat_max": ("-", "largest estimate c_hat of an uncertainty bound"),
+    "constraint_residual_max": ("m", "largest size of a constraint residual phi"),
+    "singularity_margin": ("-", "smallest |det J_dep| of an arm over its first: 0 where an arm is singular"),
+}
+
+
+class Sums(NamedTuple):
+    """Sums over samples."""
+
+    samples: Scalar
+    late_samples: Scalar
+    error: dict[str, Scalar]  # squares, one per entry of _ERRORS
+    force_error: Scalar  # squares [N^2]
+    force_error_late: Scalar
+    losses: Scalar  # samples without contact
+    torque: Scalar  # squares, of all actuators [N^2 m^2]
+    variation: Scalar  # |change since the sample before|, of all actuators [N m]
+    wheel_variation_late: Scalar
+
+
+class Largest(NamedTuple):
+    """Maxima over samples; a smallest value is the largest of its negative."""
+
+    error: dict[str, Scalar]  # squares
+    error_late: Scalar
+    unsettled_until: Scalar  # [s]
+    force: Scalar
+    force_late: Scalar
+    pull: Scalar  # -force
+    pull_late: Scalar
+    internal_force: Scalar
+    torque: Scalar
+    c_hat: Scalar
+    residual: Scalar
+    singularity: Scalar  # -|det J_dep| of an arm over its first
+
+
+class Last(NamedTuple):
+    """Values at the last sample, and what the next one needs to know of it."""
+
+    error: dict[str, Scalar]  # squares
+    force_error: Scalar
+    torque: Vector  # of all actuators, wheels first
+    first_determinants: Vector
+
+
+class Total(NamedTuple):
+    """What is gathered along a rollout."""
+
+    sums: Sums
+    largest: Largest
+    last: Last
+
+
+def observer(structure: Structure, parameters: Parameters, duration: Scalar, step: Scalar) -> Observer:
+    """What ``rollout`` has to gather for ``finish``.
+
+    Args:
+        structure: static choices. parameters: of the rollout. duration: its horizon [s]. step: its step [s]. All but
+            the first may be traced.
+    """
+
+    def update(total: Total, t: Scalar, signals: Signals) -> Total:
+        late = t > LATE * duration - 0.5 * step  # half a step of slack for rounding in t
+        errors = squared_errors(parameters.reference, parameters.plant.surface, t, signals)
+        last = _last(structure, total, signals, errors)
+        force = signals.constraint_force[structure.rows.index("contact_normal")]
+        sums = jax.tree.map(jnp.add, total.sums, _summands(total, force, last, late))
+        largest = jax.tree.map(jnp.maximum, total.largest, _candidates(structure, signals, last, late, t + step))
+        return Total(sums, largest, last)
+
+    return Observer(_start(structure), update)
+
+
+def squared_errors(reference: Reference, surface: Surface, t: Scalar, signals: Signals) -> dict[str, Scalar]:
+    """Squared norms of the errors named in ``_ERRORS`` [rad^2, m^2] at one sample.
+
+    The object's desired point is (Rg cos wt, Rg sin wt), w the platforms' yaw rate: along platform II's axes it is
+    (Rg cos e1, -Rg sin e1), e1 the heading error of II, so that no angle grows with time. The desired point of tip I
+    is Rc from the arc's centre along the desired direction of arm I.
+    """
+    desired = desired_motion(reference, t)
+    errors = {}
+    for i, (p, d) in enumerate(zip(signals.position, desired, strict=True), 1):
+        errors[f"heading_{{}}_{i}"] = (p.z1 - d.z1,)
+        errors[f"position_{{}}_{i}"] = (p.z2 - d.z2, p.z3 - d.z3)
+        errors[f"arm_{{}}_{i}"] = (p.a1 - d.arm[0],)
+    s, c = sincos(errors["heading_{}_2"][0])
+    radius = surface.guide_radius
+    errors["object_{}"] = minus(signals.tip[1], (radius * c, -radius * s, surface.guide_height))
+    s, c = sincos((desired[0].z1 - desired[1].z1) + (desired[0].arm[0] - desired[1].arm[0]))
+    errors["relative_tip_{}"] = minus(signals.contact_point, (surface.contact_radius * c, surface.contact_radius * s))
+    return {name: dot(errors[name], errors[name]) for name in _ERRORS}
+
+
+def finish(total: Total, duration: Scalar, step: Scalar) -> dict[str, Scalar]:
+    """The metrics named in ``METRICS``, finite for every rollout: 0 where no sample was taken.
+
+    Args:
+        total: gathered by ``observer``. duration, step: as given to it [s].
+    """
+    sums, largest, last = total
+    samples, late_samples = jnp.maximum(sums.samples, 1.0), jnp.maximum(sums.late_samples, 1.0)
+    complete = (sums.samples - 0.5) * step > duration
+    metrics = {
+        "error_late": _root(largest.error_late),
+        "settling_time": jnp.where(complete, jnp.minimum(largest.unsettled_until, duration), duration),
+        "force_error_rms": _root(sums.force_error / samples),
+        "force_error_rms_late": _root(sums.force_error_late / late_samples),
+        "force_error_final": jnp.abs(last.force_error),
+        "force_min": -largest.pull,
+        "force_max": largest.force,
+        "force_min_late": -largest.pull_late,
+        "force_max_late": largest.force_late,
+        "contact_loss_fraction": sums.losses / samples,
+        "contact_loss_time": sums.losses * step,
+        "contact_loss_depth": jnp.maximum(largest.pull, 0.0),
+        "internal_force_max": largest.internal_force,
+        "torque_rms": _root(sums.torque / (len(last.torque) * samples)),
+        "torque_peak": largest.torque,
+        "torque_variation": sums.variation,
+        "wheel_torque_variation_late": sums.wheel_variation_late,
+        "c_hat_max": largest.c_hat,
+        "constraint_residual_max": largest.residual,
+        "singularity_margin": -largest.singularity,
+    }
+    for error in _ERRORS:
+        metrics[error.format("rms")] = _root(sums.error[error] / samples)
+        metrics[error.format("max")] = _root(largest.error[error])
+        metrics[error.format("final")] = _root(last.error[error])
+    return {name: jnp.where(jnp.isfinite(metrics[name]), metrics[name], 0.0) for name in METRICS}
+
+
+def _start(structure: Structure) -> Total:
+    """Neutral elements; the determinants are one per robot whose arm has dependent joints."""
+    zero = jnp.zeros((), jnp.result_type(float))
+    arms = 2 if "guide_radial" in structure.rows else 1
+    errors, none = dict.fromkeys(_ERRORS, zero), zero - jnp.inf
+    return Total(
+        Sums(**dict.fromkeys(Sums._fields, zero) | {"error": errors}),
+        Largest(**dict.fromkeys(Largest._fields, none) | {"error": errors}),
+        Last(errors, zero, (zero,) * 10, (zero,) * arms),
+    )
+
+
+def _last(structure: Structure, total: Total, signals: Signals, errors: dict[str, Scalar]) -> Last:
+    one, two = signals.torque
+    first = tuple(
+        jnp.where(total.sums.samples > 0, before, jnp.abs(now))
+        for before, now in zip(total.last.first_determinants, signals.determinants, strict=True)
+    )
+    force_error = signals.force_error[structure.rows.index("contact_normal")]
+    return Last(errors, force_error, (*one[:2], *two[:2], *one[2:], *two[2:]), first)
+
+
+def _summands(total: Total, force: Scalar, last: Last, late: Scalar) -> Sums:
+    """What one sample adds: its change of torque counts if the sample before exists, or is late too."""
+    one = jnp.ones_like(force)
+    before, late_before = total.sums.samples > 0, total.sums.late_samples > 0
+    change = tuple(map(jnp.abs, minus(last.torque, total.last.torque)))
+    return Sums(
+        samples=one,
+        late_samples=jnp.where(late, one, 0.0),
+        error=last.error,
+        force_error=last.force_error**2,
+        force_error_late=jnp.where(late, last.force_error**2, 0.0),
+        losses=jnp.where(force < 0.0, one, 0.0),
+        torque=dot(last.torque, last.torque),
+        variation=jnp.where(before, sum(change), 0.0),
+        wheel_variation_late=jnp.where(late & late_before, sum(change[:4]), 0.0),
+    )
+
+
+def _candidates(structure: Structure, signals: Signals, last: Last, late: Scalar, end: Scalar) -> Largest:
+    """What one sample, which ends at time ``end``, offers as a maximum."""
+    contact = structure.rows.index("contact_normal")
+    force = signals.constraint_force[contact]
+    others = tuple(x for i, x in enumerate(signals.constraint_force) if i != contact)
+    tracking = sum(last.error[name] for name in _TRACKING)
+    ratios = (-jnp.abs(now) / first for now, first in zip(signals.determinants, last.first_determinants, strict=True))
+    return Largest(
+        error=last.error,
+        error_late=jnp.where(late, tracking, 0.0),
+        unsettled_until=jnp.where(tracking > SETTLED**2, end, 0.0),
+        force=force,
+        force_late=jnp.where(late, force, -jnp.inf),
+        pull=-force,
+        pull_late=jnp.where(late, -force, -jnp.inf),
+        internal_force=_size(others),
+        torque=_size(last.torque),
+        c_hat=_size(signals.memory.c_hat),
+        residual=_size(signals.constraint_residual),
+        singularity=functools.reduce(jnp.maximum, ratios),
+    )
+
+
+def _size(values: Vector) -> Scalar:
+    """Largest absolute value; 0 of nothing."""
+    return functools.reduce(jnp.maximum, map(jnp.abs, values), 0.0)
+
+
+def _root(square: Scalar) -> Scalar:
+    """Square root with gradient 0 at 0; 0 of what is negative, which only "no sample" is."""
+    positive = square > 0.0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
