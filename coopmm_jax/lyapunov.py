@@ -55,7 +55,8 @@ def analyse(trajectory: Trajectory, every: int = 1) -> Analysis:
         trajectory: what ``simulate`` returns. every: use every so manieth sample.
 
     Raises:
-        UserError: no sample, ``every`` below 1, or an adaptation rate gamma of zero (V2 of (31) divides by it).
+        UserError: no sample, ``every`` below 1, an adaptation rate gamma of zero (V2 of (31) divides by it), sampled
+            control or devices that are not ideal (the proof has neither).
 
     >>> import coopmm_jax as cm
     >>> trajectory = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01}))
@@ -65,7 +66,7 @@ def analyse(trajectory: Trajectory, every: int = 1) -> Analysis:
     if every < 1:
         raise UserError("every", "1 or more", every)
     structure, parameters = trajectory.scenario.structure(), trajectory.scenario.parameters()
-    return analyse_states(structure, parameters, *_states(trajectory, structure.rows, every))
+    return analyse_states(structure, parameters, *states_of(trajectory, every))
 
 
 def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, states: State) -> Analysis:
@@ -78,6 +79,8 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
         UserError: as ``analyse``.
     """
     gains = parameters.gains
+    if structure.substeps or structure.force_delay or structure.features:
+        raise UserError("scenario", "the proof's loop: continuous control, ideal devices", "sampled or with real devices")
     if len(t) == 0:
         raise UserError("trajectory", "at least one sample long", "empty")
     if min(gains.gamma) <= 0:
@@ -167,9 +170,9 @@ def _spectral(matrices: np.ndarray) -> np.ndarray:
     return np.linalg.norm(matrices, 2, axis=(1, 2))
 
 
-def _states(trajectory: Trajectory, rows: tuple[str, ...], every: int) -> tuple[np.ndarray, State]:
-    """Times and states (T,) of a trajectory's samples."""
-    part = coupling.partition(rows)
+def states_of(trajectory: Trajectory, every: int = 1) -> tuple[np.ndarray, State]:
+    """Times (T,) [s] and states, leaves (T,), of every so manieth sample of a trajectory; in float64."""
+    part = coupling.partition(trajectory.rows)
 
     def columns(values: np.ndarray) -> Vector:
         return tuple(np.moveaxis(np.asarray(values, np.float64)[::every], 0, -1))

@@ -71,9 +71,10 @@ def proof_terms(structure: Structure, parameters: Parameters, t: np.ndarray, sta
     >>> proof_terms(Structure(), Parameters(), np.zeros(3), states).plant.M.shape
     (3, 6, 6)
     """
-    model, count = build_model(parameters), len(t)
+    count = len(t)
     tiles = []
     with jax.enable_x64(True):
+        model = build_model(parameters)
         for first in range(0, count, _TILE):
             chosen = np.minimum(np.arange(first, first + _TILE), count - 1)
             at, here = jax.tree.map(lambda x, chosen=chosen: jnp.asarray(np.asarray(x)[chosen]), (t, states))

@@ -199,7 +199,7 @@ def test_report_finds_the_worst_instant():
 def test_trajectory_is_analysed_at_its_own_states():
     trajectory = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01}))
     scenario = trajectory.scenario
-    t, state = lyapunov._states(trajectory, scenario.coupling.rows, 5)
+    t, state = lyapunov.states_of(trajectory, 5)
     terms = proof_terms.proof_terms(scenario.structure(), scenario.parameters(), t, state)
     assert_close(terms.sigma, trajectory.sigma[::5], 1e-14)
     assert np.array_equal(terms.c_hat, trajectory.c_hat[::5])
@@ -217,6 +217,12 @@ def test_what_cannot_be_analysed_is_named(change, field):
     scenario = cm.load_scenario("paper", simulation={"duration": 0.01}).with_overrides(change)
     with pytest.raises(UserError, match=f"^{field}: must be "):
         lyapunov.analyse(cm.simulate(scenario), every=0 if field == "every" else 1)
+
+
+@pytest.mark.parametrize("real", [{"substeps": 1}, {"force_delay": 1}, {"features": ("torque_limits",)}])
+def test_real_loops_are_outside_the_proof(real):
+    with pytest.raises(UserError, match=r"^scenario: must be the proof's loop"):
+        lyapunov.analyse_states(Structure(**real), Parameters(), *random_states(0))
 
 
 def test_no_samples_are_named():
