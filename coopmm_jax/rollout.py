@@ -2,8 +2,6 @@
 
 >>> import jax
 >>> from coopmm_jax.parameters import Parameters, Structure
-from coopmm_jax.plant import plant_kinematics
-from coopmm_jax.sampled_loop import initial_devices, sampled_step
 >>> final = jax.jit(lambda p: rollout(Structure(), p, 1e-3, 2, Plan(1, 3)).state)(Parameters())
 """
 
