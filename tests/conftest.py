@@ -1,9 +1,15 @@
 """Strict numerics for every test, and one compilation cache outside the checkout."""
 
+import functools
 import os
 from pathlib import Path
 
 import jax
+import pytest
+
+import coopmm_jax  # noqa: F401 - sets XLA's options before JAX starts
+from coopmm_jax.parameters import Parameters, Structure
+from tests.programs import Program
 
 _user_cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
@@ -15,3 +21,15 @@ jax.config.update(
 )
 # JAX's own threshold of 1 s leaves out most of what these tests compile.
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
+@pytest.fixture(scope="session")
+def programs():
+    """structure -> its ``Program``, one for the whole session."""
+    return functools.cache(Program)
+
+
+@pytest.fixture(scope="session")
+def paper_run(programs):
+    """The paper's 20 s with the law as in the paper."""
+    return programs(Structure())(Parameters())

@@ -1,0 +1,78 @@
+"""RK4 against closed forms, and what checkpoints change (memory) and leave alone (every bit of the result)."""
+
+import doctest
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from coopmm_jax import integrate
+from coopmm_jax.integrate import rk4_step, scan_segments
+
+
+def field(t, state):
+    """x = exp(sin t) and y = 1 / (1 + t), from x(0) = y(0) = 1; the signal is x + y."""
+    return {"x": state["x"] * jnp.cos(t), "y": -(state["y"] ** 2)}, state["x"] + state["y"]
+
+
+def solve(steps, horizon=1.5):
+    step = horizon / steps
+    start = {"x": jnp.ones(()), "y": jnp.ones(())}
+    end, _ = scan_segments(lambda x, i: rk4_step(field, i * step, step, x), start, 1, steps, checkpoint=False)
+    return np.array([end["x"] - np.exp(np.sin(horizon)), end["y"] - 1 / (1 + horizon)])
+
+
+def test_examples_in_docstrings():
+    assert doctest.testmod(integrate).failed == 0
+
+
+def test_order_four():
+    steps = np.array([20, 40, 80, 160])
+    errors = np.abs([solve(n) for n in steps.tolist()])
+    for error in errors.T:
+        assert np.polyfit(np.log(steps), np.log(error), 1)[0] == pytest.approx(-4, abs=0.1)
+
+
+def test_step_is_exact_for_cubics():
+    state, _ = rk4_step(lambda t, x: (4 * t**3 - 3 * t**2, x), 1.0, 0.7, jnp.ones(()))
+    assert float(state) == pytest.approx(1 + (1.7**4 - 1) - (1.7**3 - 1), rel=1e-15)
+
+
+def test_signals_are_those_at_the_start_of_the_step():
+    state = {"x": jnp.array(2.0), "y": jnp.array(3.0)}
+    assert rk4_step(field, 0.3, 0.1, state)[1] == field(0.3, state)[1] == 5.0
+
+
+@pytest.mark.parametrize("checkpoint", [False, True])
+def test_segments_report_their_first_step(checkpoint):
+    def advance(total, i):
+        return total + i, (i, total)
+
+    total, (indices, totals) = scan_segments(advance, jnp.int32(0), 3, 4, checkpoint)
+    assert total == sum(range(12))
+    assert indices.tolist() == [0, 4, 8]
+    assert totals.tolist() == [0, 6, 28]
+
+
+def final(x, checkpoint):
+    def advance(state, i):
+        return rk4_step(lambda t, s: (x * jnp.cos(t) * jnp.sin(s), None), i * 0.01, 0.01, state)
+
+    return scan_segments(advance, jnp.ones(()), 20, 10, checkpoint)[0]
+
+
+def test_checkpoints_change_no_bit_of_value_or_gradient():
+    plain, kept = (jax.jit(jax.value_and_grad(lambda x, c=c: final(x, c)))(1.3) for c in (False, True))
+    assert plain == kept
+    assert plain[1] != 0
+
+
+def test_checkpoints_keep_the_state_of_each_segment_only():
+    def kept(checkpoint):
+        """How many numbers the reverse pass is handed."""
+        pull = jax.vjp(lambda x: final(x, checkpoint), 1.3)[1]
+        return sum(np.size(leaf) for leaf in jax.tree.leaves(pull))
+
+    assert kept(True) < 5 * 20
+    assert kept(False) > 20 * 10

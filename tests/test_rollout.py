@@ -1,0 +1,91 @@
+"""The rollout of the closed loop: its order, its horizon, how it ends, and that new numbers compile nothing."""
+
+import jax
+import numpy as np
+import pytest
+
+from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.rollout import Plan
+from coopmm_jax.status import Status
+
+PAPER = Parameters()
+POSE = PAPER.start[0]
+REFERENCE = PAPER.reference
+GAINS = PAPER.gains
+
+
+@pytest.fixture(scope="module")
+def program(programs):
+    return programs(Structure())
+
+
+def numbers(tree):
+    return np.array(jax.tree.leaves(tree))
+
+
+def test_order_four(program):
+    horizon = 0.5
+    exact = numbers(program(PAPER, horizon / program.STEPS, program.STEPS).state)
+    steps = np.array([200, 250, 400, 500])
+    errors = [np.abs(numbers(program(PAPER, horizon / n, n).state) - exact).max() for n in steps.tolist()]
+    assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(-4, abs=0.05)
+
+
+def test_horizon_may_be_shorter_than_the_plan(program, paper_run):
+    """The end of 1000 steps is sample 1000 of a longer run, bit for bit."""
+    short = program(PAPER, steps=1000)
+    at_end = jax.tree.map(lambda x: x[1000], paper_run.signals)
+    assert np.array_equal(numbers(short.state.position), numbers(at_end.position))
+    assert np.array_equal(numbers(short.state.memory), numbers(at_end.memory))
+    for mine, longer in zip(jax.tree.leaves(short.signals), jax.tree.leaves(paper_run.signals), strict=True):
+        assert np.array_equal(mine, longer[:1001])
+    assert np.array_equal(short.t, np.arange(1001) * 1e-3)
+
+
+def test_no_step_at_all(program):
+    run = program(PAPER, steps=0)
+    assert run.t.tolist() == [0.0]
+    assert np.array_equal(numbers(run.state.position), numbers(run.signals.position)[:, 0])
+
+
+@pytest.mark.parametrize(("steps", "length", "segments"), [(10, 1, 11), (10, 5, 3), (9, 5, 2), (0, 7, 1)])
+def test_plan_covers_both_ends(steps, length, segments):
+    assert Plan.covering(steps, length) == Plan(segments, length)
+
+
+FAILURES = {
+    "coarse step": (PAPER, {"step": 0.05, "steps": 100}, Status.SPEED),
+    "robot I too far out": (
+        PAPER._replace(reference=REFERENCE._replace(radius=(2.8, 1.0))),
+        {},
+        Status.SINGULAR_CONTACT,
+    ),
+    "unstable force loop": (PAPER._replace(gains=GAINS._replace(K_I=(-50.0,) * 4)), {}, Status.CONTROLLER),
+    "start out of reach": (PAPER._replace(start=(POSE._replace(x=5.0), PAPER.start[1])), {}, Status.UNREACHABLE),
+}
+
+
+@pytest.mark.parametrize("case", FAILURES)
+def test_failure_is_a_status_and_everything_stays_finite(program, case):
+    parameters, horizon, status = FAILURES[case]
+    run = program(parameters, **horizon)
+    assert run.health.status == status
+    assert all(np.isfinite(x).all() for x in jax.tree.leaves((run.state, run.signals)))
+
+    failed_at = int(run.health.step)
+    assert failed_at < len(run.t) - 1
+    after = jax.tree.map(lambda x: x[failed_at:], run.signals.position)
+    for frozen, last in zip(jax.tree.leaves(after), jax.tree.leaves(run.state.position), strict=True):
+        assert np.all(frozen == last)
+
+
+def test_new_numbers_compile_nothing(program):
+    heavier = tuple(inertia._replace(m_p=7.0, m3=0.6) for inertia in PAPER.plant.inertia)
+    other = PAPER._replace(
+        plant=PAPER.plant._replace(inertia=heavier, gravity=9.8),
+        gains=GAINS._replace(K_sigma=(0.7, 0.6, 0.5, 0.4, 0.3, 0.2), K_lambda=(1.0,) * 4, delta_floor=0.1),
+        disturbance=PAPER.disturbance._replace(scale=2.0, phase=0.3),
+    )
+    assert program(PAPER, steps=1).health.status == Status.OK
+    assert program(other, 2e-3, 50).health.status == Status.OK
+    assert program.traces == 1
