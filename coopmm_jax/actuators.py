@@ -11,8 +11,8 @@ from coopmm_jax.parameters import Hardware, Structure
 def limited(structure: Structure, hardware: Hardware, torque: Vector) -> Vector:
     """Torques of one robot's five actuators held within their limits [N m].
 
-    ``torque_limits`` clips; ``smooth_limits`` uses x / (1 + (x/limit)^8)^(1/8), within 0.1 % of x up to a third of the
-    limit and never beyond it, whose gradient does not vanish at once.
+    ``torque_limits`` clips; ``smooth_limits`` uses x / (1 + (x/limit)^8)^(1/8), within 0.1 % of x up to half the limit
+    and never beyond it, whose gradient does not vanish at once.
     """
     limits = (hardware.wheel_limit,) * 2 + (hardware.joint_limit,) * 3
     if "smooth_limits" in structure.features:
@@ -23,8 +23,9 @@ def limited(structure: Structure, hardware: Hardware, torque: Vector) -> Vector:
 
 
 def _smoothly(x: Scalar, limit: Scalar) -> Scalar:
-    eighth_power = (x / limit) ** 8
-    return x / jnp.sqrt(jnp.sqrt(jnp.sqrt(1.0 + eighth_power)))
+    # Written around the clipped value, so that no power overflows and rounding cannot lift it over the limit.
+    ratio = jnp.minimum(jnp.abs(x), limit) / jnp.maximum(jnp.abs(x), limit)
+    return jnp.clip(x, -limit, limit) / jnp.sqrt(jnp.sqrt(jnp.sqrt(1.0 + ratio**8)))
 
 
 def friction_torque(hardware: Hardware, rates: Vector) -> Vector:

@@ -38,9 +38,10 @@ class Loop(Section):
         if round(ratio) < 1 or not math.isclose(ratio, round(ratio), rel_tol=1e-9):
             must = f"0, or a whole number of simulation.step ({simulation.step:g} s)"
             raise UserError("loop.control_period", must, self.control_period)
-        periods = simulation.duration / (self.control_period * simulation.record_every)
+        sample = self.control_period * simulation.record_every
+        periods = simulation.duration / sample
         if round(periods) < 1 or not math.isclose(periods, round(periods), rel_tol=1e-9):
-            must = f"a whole number of loop.control_period * record_every ({self.control_period:g} s)"
+            must = f"a whole number of loop.control_period * record_every ({sample:g} s)"
             raise UserError("simulation.duration", must, simulation.duration)
         return round(ratio)
 
@@ -93,7 +94,11 @@ class HardwareSections(Section):
         sensing = {k: v for k, v in self.sensing if k != "force_delay"}
         actuators = {k: v for k, v in self.actuators if k not in ("limit_form", "lag")}
         return parameters.Hardware(
-            **sensing, **actuators, **dict(self.contact), actuator_lag=self.actuators.lag, noise_seed=float(seed)
+            **sensing,
+            **actuators,
+            **dict(self.contact),
+            actuator_lag=self.actuators.lag,
+            noise_seed=(float(seed >> 16), float(seed & 0xFFFF)),
         )
 
     def features(self, varied: Collection[str] = ()) -> tuple[str, ...]:
@@ -135,8 +140,13 @@ class HardwareSections(Section):
 
     @model_validator(mode="after")
     def _what_the_force_loop_can_close(self) -> HardwareSections:
-        ideal = self.sensing.force_lag == 0.0 and self.sensing.force_delay == 0
-        if ideal and self.contact.tip_friction > 0.0 and self.actuators.lag == 0.0:
+        if self.sensing.force_lag > 0.0 or self.sensing.force_delay > 0:
+            return self
+        must = "above 0 (or force_delay) where {} is used"
+        if self.contact.tip_friction > 0.0 and self.actuators.lag == 0.0:
             # Friction moves with the force it is asked to change, so an instantaneous force loop has no plain solution.
-            raise UserError("sensing.force_lag", "above 0 (or force_delay) where contact.tip_friction is used", 0.0)
+            raise UserError("sensing.force_lag", must.format("contact.tip_friction"), 0.0)
+        if self.sensing.force_noise > 0.0:
+            # Noise is drawn for a sample of the force; a loop closed in the same instant takes none.
+            raise UserError("sensing.force_lag", must.format("sensing.force_noise"), 0.0)
         return self

@@ -118,8 +118,8 @@ class Hardware(NamedTuple):
     force_noise: Scalar = 0.0  # standard deviations, per sample [N]
     encoder_noise: Scalar = 0.0  # of z1, z2, z3 and the joint angles [rad, m]
     velocity_noise: Scalar = 0.0  # of the independent velocities [rad/s, m/s]
-    noise_seed: Scalar = 0.0  # whole numbers: the run's seed, and which of its noise streams (a sweep's sample)
-    noise_stream: Scalar = 0.0
+    noise_seed: tuple[Scalar, Scalar] = (0.0, 0.0)  # the run's seed: upper and lower 16 bits, so exact in float32 too
+    noise_stream: Scalar = 0.0  # which of the seed's streams (a sweep's sample), a whole number below 2^24
     wheel_limit: Scalar = math.inf  # torque limits [N m]
     joint_limit: Scalar = math.inf
     actuator_lag: Scalar = 0.0  # time constant of every actuator [s]

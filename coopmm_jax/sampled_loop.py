@@ -30,10 +30,10 @@ def draw_noise(structure: Structure, model: Model, sample: Scalar) -> Noise:
     The key is folded from seed, stream and sample number, so a rollout's noise does not depend on the batch it is in.
     """
     hardware, n = model.hardware, coupling.JOINTS * 2 - len(structure.rows)
-    key = jax.random.key(hardware.noise_seed.astype(jnp.uint32))
-    key = jax.random.fold_in(jax.random.fold_in(key, hardware.noise_stream.astype(jnp.uint32)), sample)
+    upper, lower = (half.astype(jnp.uint32) for half in hardware.noise_seed)
+    key = jax.random.fold_in(jax.random.key((upper << 16) | lower), hardware.noise_stream.astype(jnp.uint32))
     count = 12 + n + len(structure.rows)
-    values = jax.random.normal(key, (count,), hardware.noise_seed.dtype)
+    values = jax.random.normal(jax.random.fold_in(key, sample), (count,), hardware.noise_stream.dtype)
     values = [values[i] for i in range(count)]
     encoders = [hardware.encoder_noise * x for x in values[:12]]
     return Noise(

@@ -129,6 +129,11 @@ class Scenario(HardwareSections):
         return {"K_sigma": (VELOCITIES - rows, "independent velocity"), "K_lambda": per_row, "K_I": per_row}
 
     @model_validator(mode="after")
+    def _whole_control_periods(self) -> Scenario:
+        self.loop.substeps(self.simulation)
+        return self
+
+    @model_validator(mode="after")
     def _numbers_of_gains(self) -> Scenario:
         for name, (count, what) in self._entries().items():
             value = getattr(self.gains, name)
