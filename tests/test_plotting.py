@@ -1,7 +1,9 @@
 """Figures: labelled, legible at two sizes, faithful to peaks, and able to draw runs that failed."""
 
 import dataclasses
+import doctest
 import functools
+import inspect
 import itertools
 import subprocess
 import sys
@@ -87,6 +89,14 @@ def test_every_public_figure_is_tested():
     assert {*FIGURES, "caption", "save"} == set(plotting.__all__)
 
 
+@pytest.mark.parametrize("name", plotting.__all__)
+def test_example_in_docstring(name):
+    function = inspect.unwrap(getattr(plotting, name))
+    (example,) = doctest.DocTestFinder(recurse=False).find(function, name)
+    assert doctest.DocTestRunner().run(example) == (0, len(example.examples))
+    assert example.examples
+
+
 @each_figure
 def test_panels_have_data_and_units(name, run):
     draw, panels = FIGURES[name]
@@ -98,7 +108,9 @@ def test_panels_have_data_and_units(name, run):
 @each_figure
 def test_failed_run_is_drawn_up_to_its_failure(name, failed):
     draw, panels = FIGURES[name]
-    check_labelled(draw(failed), panels)
+    figure = draw(failed)
+    check_labelled(figure, panels)
+    assert all(len(axes.lines[0].get_xdata()) == len(failed.t) > 1 for axes in figure.axes)
 
 
 @each_figure

@@ -35,6 +35,10 @@ def torques(*trajectories: Trajectory, robot: str, labels: Sequence[str] | None 
 
     Raises:
         UserError: nothing to draw, no such robot, or labels or axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = torques(cm.simulate(short), robot="II")
     """
     group = runs(trajectories, labels)
     figure, (wheels, joints) = style.panels(axes, [["wheels"], ["joints"]], height=4.4)
@@ -57,6 +61,10 @@ def filtered_error(*trajectories: Trajectory, labels: Sequence[str] | None = Non
 
     Raises:
         UserError: nothing to draw, or labels or axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = filtered_error(cm.simulate(short))
     """
     group = runs(trajectories, labels)
     figure, both = style.panels(axes, [["robot I"], ["robot II"]], height=4.4)
@@ -77,6 +85,10 @@ def adaptation(*trajectories: Trajectory, labels: Sequence[str] | None = None, a
 
     Raises:
         UserError: nothing to draw, or labels or axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = adaptation(cm.simulate(short))
     """
     figure, (panel,) = style.panels(axes, [["bounds"]], height=3.2)
     bounds_panel(panel, runs(trajectories, labels))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from coopmm_jax.trajectory import Trajectory
 
 START = 1.0  # [s] shown of a run's start, or a twentieth of the run if that is less
-SETTLED = 0.25  # fraction of a run after which it is shown as settled
+FEWEST = 20  # samples shown of a run's start, unless the run has less
 LOST = {"facecolor": "none", "edgecolor": "0.4", "hatch": "/////", "linewidth": 0.0}  # unlike a reference, even in grey
 SMALLEST = 1e-16  # [m], rounding of the lengths here, so that zero has a place on a logarithmic axis
 
@@ -35,6 +35,10 @@ def contact_force(*trajectories: Trajectory, labels: Sequence[str] | None = None
 
     Raises:
         UserError: nothing to draw, or labels or axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = contact_force(cm.simulate(short))
     """
     group = runs(trajectories, labels)
     layout = [["whole", "whole"], ["start", "settled"]]
@@ -57,6 +61,10 @@ def constraint_forces(*trajectories: Trajectory, labels: Sequence[str] | None = 
 
     Raises:
         UserError: nothing to draw, or labels or axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = constraint_forces(cm.simulate(short))
     """
     figure, (panel,) = style.panels(axes, [["forces"]], height=3.2)
     multipliers_panel(panel, runs(trajectories, labels))
@@ -75,6 +83,10 @@ def constraint_residual(*trajectories: Trajectory, labels: Sequence[str] | None 
 
     Raises:
         UserError: nothing to draw, or labels or axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = constraint_residual(cm.simulate(short))
     """
     figure, (panel,) = style.panels(axes, [["residual"]], height=3.2)
     residual_panel(panel, runs(trajectories, labels))
@@ -96,13 +108,16 @@ def contact_panel(axes: Axes, group: Sequence[Run], window: tuple[float, float] 
 
 def contact_start_panel(axes: Axes, group: Sequence[Run]) -> None:
     """The start of a run, where the transient is; shares the contact panel's legend."""
-    contact_panel(axes, group, (0.0, min(START, longest(group).t.max(initial=0.0) / 20.0)))
+    t = longest(group).t
+    last = min(max(len(t) // 20, FEWEST), len(t) - 1)
+    contact_panel(axes, group, (0.0, min(START, t[last]) if len(t) else 0.0))
     axes.get_legend().remove()
 
 
 def contact_settled_panel(axes: Axes, group: Sequence[Run]) -> None:
-    """A run after its transient, on the scale of what is left; shares the contact panel's legend."""
-    contact_panel(axes, group, (SETTLED * longest(group).t.max(initial=0.0), np.inf))
+    """The last three quarters, on the scale of what is left of the transient; shares the contact panel's legend."""
+    t = longest(group).t
+    contact_panel(axes, group, (t[len(t) // 4] if len(t) else 0.0, np.inf))
     axes.get_legend().remove()
 
 

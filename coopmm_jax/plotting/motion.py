@@ -44,7 +44,8 @@ def platform_paths(*trajectories: Trajectory, labels: Sequence[str] | None = Non
         UserError: nothing to draw, or labels or axes of the wrong number.
 
     >>> import coopmm_jax as cm
-    >>> figure = platform_paths(cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.05})))
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = platform_paths(cm.simulate(short))
     """
     figure, (panel,) = style.panels(axes, [["paths"]], height=5.0)
     paths_panel(panel, runs(trajectories, labels))
@@ -66,6 +67,10 @@ def platform_angle(
 
     Raises:
         UserError: nothing to draw, no such robot, or labels or axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = platform_angle(cm.simulate(short), robot="I")
     """
     i, group = robot_index(robot), runs(trajectories, labels)
     figure, (angle, error) = style.panels(axes, [["angle"], ["error"]], height=4.4)
@@ -89,6 +94,10 @@ def arm_angles(*trajectories: Trajectory, robot: str, labels: Sequence[str] | No
 
     Raises:
         UserError: nothing to draw, no such robot, or labels or axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = arm_angles(cm.simulate(short), robot="I")
     """
     i, group = robot_index(robot), runs(trajectories, labels)
     figure, (yaw, pitch) = style.panels(axes, [["yaw"], ["pitch"]], height=4.4)
@@ -111,6 +120,10 @@ def chained_errors(*trajectories: Trajectory, labels: Sequence[str] | None = Non
 
     Raises:
         UserError: nothing to draw, or labels or axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = chained_errors(cm.simulate(short))
     """
     group = runs(trajectories, labels)
     figure, both = style.panels(axes, [["robot I"], ["robot II"]], height=4.4)
@@ -130,7 +143,7 @@ def paths_panel(axes: Axes, group: Sequence[Run]) -> None:
     reference = longest(group)
     kept = _evenly(len(reference.t))
     for i in range(len(ROBOTS)):
-        x, y = _midpoint(reference.zeta_desired[kept, i])
+        x, y = midpoints(reference.zeta_desired[kept, i]).T
         axes.plot(x, y, label="desired" if i == 0 else "_desired", **style.REFERENCE)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [m]")
@@ -145,10 +158,11 @@ def errors_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
     time_panel(axes, group, errors, f"errors of {robot} [rad, m]")
 
 
-def _midpoint(zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """x and y of the axle midpoint from zeta (T, 3): (6) solved for them."""
-    th, lateral, forward = zeta.T
-    return lateral * np.cos(th) - forward * np.sin(th), lateral * np.sin(th) + forward * np.cos(th)
+def midpoints(zeta: np.ndarray) -> np.ndarray:
+    """x and y (..., 2) of the axle midpoint from chained coordinates (..., 3): (6) solved for them."""
+    th, lateral, forward = np.moveaxis(zeta, -1, 0)
+    s, c = np.sin(th), np.cos(th)
+    return np.stack([lateral * c - forward * s, lateral * s + forward * c], axis=-1)
 
 
 def _evenly(samples: int, points: int = 1000) -> np.ndarray:

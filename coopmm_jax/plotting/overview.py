@@ -33,6 +33,10 @@ def overview(trajectory: Trajectory, axes: Any = None) -> Figure:
 
     Raises:
         UserError: axes of the wrong number.
+
+    >>> import coopmm_jax as cm
+    >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
+    >>> figure = overview(cm.simulate(short))
     """
     figure, sheet = style.panels(axes, LAYOUT, height=9.0, width=15.0)
     panel = dict(zip((name for row in LAYOUT for name in row), sheet, strict=True))

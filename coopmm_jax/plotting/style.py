@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import matplotlib
 import numpy as np
@@ -27,7 +27,7 @@ WIDTH = 6.4  # [inch]
 DPI = 150
 
 _LEGEND_FONT = 8  # [point]
-_RC = {
+RC = {
     "font.size": 9,
     "hatch.linewidth": 0.6,
     "axes.labelsize": 9,
@@ -66,7 +66,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
     @functools.wraps(draw)
     def under_settings(*args: Any, **kwargs: Any) -> Figure:
-        with matplotlib.rc_context(_RC):
+        with matplotlib.rc_context(RC):
             return draw(*args, **kwargs)
 
     return under_settings
@@ -111,11 +111,24 @@ def legend(axes: Axes, handles: Sequence[Artist] | None = None) -> None:
 
 
 def caption(figure: Figure, text: str) -> None:
-    """Say above a figure what it shows."""
+    """Say above a figure what it shows.
+
+    >>> caption(Figure(), "What a reader sees first")
+    """
     figure.suptitle(text, fontsize=10)
 
 
-def save(figure: Figure, path: str | Path, dpi: float = DPI) -> None:
-    """Write a figure; the suffix says as what (.png, .pdf, .svg)."""
-    with matplotlib.rc_context(_RC):
+def save(figure: Figure, path: str | Path | BinaryIO, dpi: float = DPI) -> None:
+    """Write a figure.
+
+    Args:
+        path: a file, whose suffix says what to write (.png, .pdf, .svg), or a stream for PNG. dpi: pixels per inch.
+
+    Raises:
+        OSError: the file cannot be written.
+
+    >>> import io
+    >>> save(Figure(), io.BytesIO(), dpi=10)
+    """
+    with matplotlib.rc_context(RC):
         figure.savefig(path, dpi=dpi)
