@@ -3,7 +3,7 @@
 Exit codes: 0 done, 2 the input cannot be used (one line on stderr), 3 a rollout failed (status, time, quantity).
 
 >>> main(["scenarios"])  # doctest: +ELLIPSIS
-paper...
+free ...
 0
 """
 

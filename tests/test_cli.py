@@ -50,8 +50,8 @@ def test_examples_in_docstrings():
 def test_scenarios_lists_one_line_each(capsys):
     assert main(["scenarios"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == ["paper", "paper_full", "uncertain"]
-    assert load_scenario("uncertain").description in lines[2]
+    assert [line.split()[0] for line in lines] == ["free", "paper", "paper_full", "rough", "sensed", "uncertain"]
+    assert load_scenario("uncertain").description in lines[-1]
 
 
 def test_version_and_help(capsys):
@@ -138,7 +138,7 @@ def test_failed_rollout_is_told_and_kept(simulation, tmp_path, capsys):
         ([], "the following arguments are required: COMMAND"),
         (["simulate"], "the following arguments are required: SCENARIO"),
         (["simulte"], "argument COMMAND: invalid choice: 'simulte' (choose from "),
-        (["simulate", "papr"], "scenario: must be one of paper, paper_full, uncertain or a .toml file (did"),
+        (["simulate", "papr"], "scenario: must be one of free, paper, paper_full, rough, sensed, uncertain"),
         (["simulate", "paper", "--gains.K-lambda", "-2"], "gains.K_lambda: must be greater than -1, was -2"),
         (
             ["simulate", "paper", "--gains.K-lamda", "2"],
