@@ -80,7 +80,7 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
     """
     gains = parameters.gains
     if structure.substeps or structure.force_delay or structure.features:
-        raise UserError("scenario", "the proof's loop: continuous control, ideal devices", "sampled or with real devices")
+        raise UserError("scenario", "the proof's loop: continuous control, ideal devices", "another loop")
     if len(t) == 0:
         raise UserError("trajectory", "at least one sample long", "empty")
     if min(gains.gamma) <= 0:
