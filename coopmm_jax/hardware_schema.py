@@ -89,7 +89,7 @@ class HardwareSections(Section):
     actuators: Actuators = Actuators()
     contact: Contact = Contact()
 
-    def hardware(self, seed: int) -> parameters.Hardware:
+    def hardware(self, seed: int, stream: int) -> parameters.Hardware:
         """Every number of the four sections, as a rollout takes them."""
         sensing = {k: v for k, v in self.sensing if k != "force_delay"}
         actuators = {k: v for k, v in self.actuators if k not in ("limit_form", "lag")}
@@ -99,6 +99,7 @@ class HardwareSections(Section):
             **dict(self.contact),
             actuator_lag=self.actuators.lag,
             noise_seed=(float(seed >> 16), float(seed & 0xFFFF)),
+            noise_stream=float(stream),
         )
 
     def features(self, varied: Collection[str] = ()) -> tuple[str, ...]:

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -78,8 +78,12 @@ class Scenario(HardwareSections):
         """The text of a scenario file that loads as an equal scenario, with every value spelt out."""
         return tomli_w.dumps(self.model_dump(exclude_none=True))
 
-    def structure(self) -> Structure:
-        """The choices that change the equations themselves."""
+    def structure(self, varied: Collection[str] = ()) -> Structure:
+        """The choices that change the equations themselves.
+
+        Args:
+            varied: fields ("sensing.force_lag") that an uncertainty changes, whose effects must be in force.
+        """
         law = self.law
         return Structure(
             self.coupling.rows,
@@ -88,7 +92,7 @@ class Scenario(HardwareSections):
             law.feedforward,
             substeps=self.loop.substeps(self.simulation),
             force_delay=self.sensing.force_delay,
-            features=self.features(),
+            features=self.features(varied),
         )
 
     def parameters(self) -> Parameters:
@@ -100,7 +104,7 @@ class Scenario(HardwareSections):
             disturbance=Disturbance(**dict(self.disturbance)),
             reference=self._reference(),
             start=_per_robot(Pose, dict(self.initial)),
-            hardware=self.hardware(self.simulation.seed),
+            hardware=self.hardware(self.simulation.seed, self.simulation.stream),
         )
 
     def _plant(self) -> Plant:

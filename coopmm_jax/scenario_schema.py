@@ -60,6 +60,7 @@ class Simulation(Section):
     record_every: Count = _field(1, "steps from one recorded sample to the next")
     precision: Literal["float64", "float32"] = _field("float64", "floating point numbers of the run")
     seed: Annotated[int, Strict(), Field(ge=0, lt=2**32)] = _field(0, "of everything random in the run")
+    stream: Annotated[int, Strict(), Field(ge=0, lt=2**24)] = _field(0, "of the seed's noise; in a sweep, the sample")
 
     @model_validator(mode="after")
     def _whole_samples(self) -> Simulation:

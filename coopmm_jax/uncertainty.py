@@ -14,6 +14,7 @@ differentiably, on JAX arrays. The controller's model stays the scenario's: it d
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +22,7 @@ import numpy as np
 import scipy.special
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Inertia, Parameters
+from coopmm_jax.parameters import Inertia, Parameters, Structure
 from coopmm_jax.uncertainty_schema import Distribution, Entry
 from coopmm_jax.validation import closest, validate
 
@@ -83,14 +84,23 @@ class Variation:
         unaware = changed.model_copy(update={"plant": self.scenario.plant})
         return changed.parameters()._replace(nominal=unaware.parameters().nominal)
 
-    def batch(self, points: np.ndarray) -> Parameters:
-        """``parameters`` of points (B, D) with every leaf of shape (B,), ready for ``jax.vmap``."""
+    def structure(self) -> Structure:
+        """The scenario's static choices, with every effect in force whose numbers vary."""
+        return self.scenario.structure({f"{number.section}.{number.field}" for number in self.numbers})
+
+    def batch(self, points: np.ndarray, indices: Sequence[int]) -> Parameters:
+        """Parameters of the samples ``indices`` (B,) at ``points`` (B, D): every leaf of shape (B,), for ``jax.vmap``.
+
+        Each sample has its own stream of measurement noise.
+        """
         import jax
 
-        return jax.tree.map(lambda x: np.broadcast_to(x, points.shape[:1]), self.parameters(points))
+        parameters = self.parameters(points)
+        hardware = parameters.hardware._replace(noise_stream=np.array(indices, dtype=float))
+        return jax.tree.map(lambda x: np.broadcast_to(x, len(indices)), parameters._replace(hardware=hardware))
 
-    def sample(self, values: dict[str, float]) -> Scenario:
-        """The scenario of one sample, complete and without uncertainty, from its numbers by name.
+    def sample(self, index: int, values: dict[str, float]) -> Scenario:
+        """The scenario of one sample, complete and without uncertainty, from its index and its numbers by name.
 
         Its masses and inertias of the controller's model are spelt out, so that they stay what they were.
         """
@@ -98,10 +108,8 @@ class Variation:
         spelt_out = {name: [getattr(robot, name) for robot in nominal] for name in Inertia._fields}
         spelt_out["m_obj"] = nominal[1].m_obj
         changes = self._tables(values) | {f"nominal.{name}": value for name, value in spelt_out.items()}
-        return self._certain().with_overrides(changes)
-
-    def _certain(self) -> Scenario:
-        return self.scenario.model_copy(update={"uncertainty": type(self.scenario.uncertainty)()})
+        certain = self.scenario.model_copy(update={"uncertainty": type(self.scenario.uncertainty)()})
+        return certain.with_overrides(changes | {"simulation.stream": index})
 
     def _tables(self, values: dict[str, Any]) -> dict[str, Any]:
         """Dotted fields to their new values: numbers of single robots as pairs."""
@@ -156,7 +164,7 @@ def _check_end(variation: Variation, end: float) -> None:
         alone = Variation(variation.scenario, (number,))
         values = {name: float(value) for name, value in alone.values(np.array([end])).items()}
         try:
-            alone.sample(values)
+            alone.sample(0, values)
         except UserError as error:
             raise UserError(f"uncertainty.{error.field}", error.must, error.was) from None
         if alone.parameters(np.array([_INSIDE])) == nominal:
