@@ -20,6 +20,8 @@ __version__ = "0.1.0"
 # No module may have the name of a function here: importing it would put the module in the function's place.
 _MODULE_OF = {
     "Scenario": "scenario",
+    "Status": "status",
+    "Trajectory": "trajectory",
     "UserError": "errors",
     "list_scenarios": "scenario",
     "load_scenario": "scenario",

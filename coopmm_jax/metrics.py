@@ -4,12 +4,10 @@
 work under jit, vmap and grad, so a sweep keeps one row of metrics for each of its rollouts.
 
 >>> from coopmm_jax.parameters import Parameters, Structure
->>> from coopmm_jax.rollout import Plan, rollout
->>> horizon = {"duration": 2e-3, "step": 1e-3}
->>> gather = observer(Structure(), Parameters(), **horizon)
->>> total = rollout(Structure(), Parameters(), 1e-3, 2, Plan(1, 3), gather).total
->>> round(float(finish(total, **horizon)["position_max_1"]), 3)
-0.1
+>>> gather = observer(Structure(), Parameters(), duration=20.0, step=1e-3)
+>>> total = gather.start  # of a rollout that failed at once; otherwise rollout(..., observer=gather).total
+>>> float(finish(total, duration=20.0, step=1e-3)["settling_time"])
+20.0
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ from coopmm_jax.parameters import Parameters, Reference, Structure, Surface
 from coopmm_jax.reference import desired_motion
 from coopmm_jax.rollout import Observer
 
-LATE = 0.75  # "late" is from this fraction of the horizon on
+LATE = 0.75  # "late" is from the sample nearest to this fraction of the horizon on
 SETTLED = 0.01  # tracking error above which a rollout has not settled
 
 _ERRORS = {  # each a vector; its name in METRICS takes a statistic in place of {}
@@ -130,7 +128,7 @@ def observer(structure: Structure, parameters: Parameters, duration: Scalar, ste
     """
 
     def update(total: Total, t: Scalar, signals: Signals) -> Total:
-        late = t > LATE * duration - 0.5 * step  # half a step of slack for rounding in t
+        late = t > LATE * duration - 0.5 * step
         errors = squared_errors(parameters.reference, parameters.plant.surface, t, signals)
         last = _last(structure, total, signals, errors)
         force = signals.constraint_force[structure.rows.index("contact_normal")]

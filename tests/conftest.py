@@ -7,7 +7,7 @@ from pathlib import Path
 import jax
 import pytest
 
-import coopmm_jax  # noqa: F401 - sets XLA's options before JAX starts
+import coopmm_jax  # sets XLA's options before JAX starts
 from coopmm_jax.parameters import Parameters, Structure
 from tests.programs import Program
 
@@ -33,3 +33,9 @@ def programs():
 def paper_run(programs):
     """The paper's 20 s with the law as in the paper."""
     return programs(Structure())(Parameters())
+
+
+@pytest.fixture(scope="session")
+def simulated_paper():
+    """``simulate`` on the first second of the paper's run."""
+    return coopmm_jax.simulate(coopmm_jax.load_scenario("paper", simulation={"duration": 1.0}))
