@@ -17,6 +17,7 @@ from typing import Any, Literal, NoReturn, get_args, get_origin
 import coopmm_jax
 from coopmm_jax import overrides, runtime
 from coopmm_jax.errors import UserError
+from coopmm_jax.metric_table import METRICS
 from coopmm_jax.scenario import Scenario, list_scenarios, load_scenario
 from coopmm_jax.store import result_folder, write_run
 from coopmm_jax.validation import closest
@@ -123,8 +124,6 @@ def _simulate(options: argparse.Namespace, changes: dict[str, Any]) -> int:
 
 
 def _report(scenario: Scenario, trajectory: Any) -> int:
-    from coopmm_jax.metrics import METRICS  # imports JAX, which the other commands do without
-
     settings = scenario.simulation
     print(scenario.description)
     print(f"{settings.duration:g} s in {scenario.steps} steps of {settings.step:g} s, {settings.precision}")

@@ -1,7 +1,7 @@
 """Metrics of one rollout, accumulated inside its scan: a few dozen scalars instead of a trajectory.
 
-``observer`` goes into ``rollout``, ``finish`` turns what it gathered into the numbers that ``METRICS`` describes. Both
-work under jit, vmap and grad, so a sweep keeps one row of metrics for each of its rollouts.
+``observer`` goes into ``rollout``, ``finish`` turns what it gathered into the numbers that ``METRICS`` in
+``metric_table.py`` describes. Both work under jit, vmap and grad, so a sweep keeps one row of metrics per rollout.
 
 >>> from coopmm_jax.parameters import Parameters, Structure
 >>> gather = observer(Structure(), Parameters(), duration=20.0, step=1e-3)
@@ -20,55 +20,10 @@ import jax.numpy as jnp
 
 from coopmm_jax.closed_loop import Signals
 from coopmm_jax.components import Scalar, Vector, dot, minus, sincos
+from coopmm_jax.metric_table import ERRORS, LATE, METRICS, SETTLED, TRACKING
 from coopmm_jax.parameters import Parameters, Reference, Structure, Surface
 from coopmm_jax.reference import desired_motion
 from coopmm_jax.rollout import Observer
-
-LATE = 0.75  # "late" is from the sample nearest to this fraction of the horizon on
-SETTLED = 0.01  # tracking error above which a rollout has not settled
-
-_ERRORS = {  # each a vector; its name in METRICS takes a statistic in place of {}
-    "heading_{}_1": ("rad", "platform angle z1 of robot I less the desired one"),
-    "heading_{}_2": ("rad", "platform angle z1 of robot II less the desired one"),
-    "position_{}_1": ("m", "(z2, z3) of robot I less the desired ones"),
-    "position_{}_2": ("m", "(z2, z3) of robot II less the desired ones"),
-    "arm_{}_1": ("rad", "arm yaw a1 of robot I less the desired one"),
-    "arm_{}_2": ("rad", "arm yaw a1 of robot II less the desired one"),
-    "object_{}": ("m", "object (tip II) less the desired point on its guide circle"),
-    "relative_tip_{}": ("m", "tip I less the desired point on the object's arc, both seen from arm II"),
-}
-_TRACKING = tuple(_ERRORS)[:6]
-_STATISTICS = {"rms": "root mean square of the norm of", "max": "largest norm of", "final": "last norm of"}
-
-# name -> (unit, meaning). Samples are the steps (control periods of a sampled loop) 0, 1, ..., up to the horizon or a
-# failure.
-METRICS: dict[str, tuple[str, str]] = {
-    **{
-        error.format(statistic): (unit, f"{words} {meaning}")
-        for error, (unit, meaning) in _ERRORS.items()
-        for statistic, words in _STATISTICS.items()
-    },
-    "error_late": ("rad, m", "tracking error (norm of all heading, position and arm errors): largest, late"),
-    "settling_time": ("s", f"end of the last sample with a tracking error above {SETTLED}; at most the duration"),
-    "force_error_rms": ("N", "normal contact force less the desired one: root mean square"),
-    "force_error_rms_late": ("N", "normal contact force less the desired one: root mean square, late"),
-    "force_error_final": ("N", "normal contact force less the desired one: last size"),
-    "force_min": ("N", "normal contact force: smallest (negative: the contact would open)"),
-    "force_max": ("N", "normal contact force: largest"),
-    "force_min_late": ("N", "normal contact force: smallest, late"),
-    "force_max_late": ("N", "normal contact force: largest, late"),
-    "contact_loss_fraction": ("-", "samples with a negative normal contact force, of all samples"),
-    "contact_loss_time": ("s", "number of samples with a negative normal contact force, times the step"),
-    "contact_loss_depth": ("N", "largest pull that would be needed to keep the contact; 0 without contact loss"),
-    "internal_force_max": ("N", "largest size of the other constraint forces; 0 if there are no other rows"),
-    "torque_rms": ("N m", "torques of all ten actuators: root mean square"),
-    "torque_peak": ("N m", "torques of all ten actuators: largest size"),
-    "torque_variation": ("N m", "torques of all ten actuators: sum of their total variations"),
-    "wheel_torque_variation_late": ("N m", "torques of the four wheels: sum of their total variations, late"),
-    "c_hat_max": ("-", "largest estimate c_hat of an uncertainty bound"),
-    "constraint_residual_max": ("m", "largest size of a constraint residual phi"),
-    "singularity_margin": ("-", "smallest |det J_dep| of an arm over its first: 0 where an arm is singular"),
-}
 
 
 class Sums(NamedTuple):
@@ -76,7 +31,7 @@ class Sums(NamedTuple):
 
     samples: Scalar
     late_samples: Scalar
-    error: dict[str, Scalar]  # squares, one per entry of _ERRORS
+    error: dict[str, Scalar]  # squares, one per entry of ERRORS
     force_error: Scalar  # squares [N^2]
     force_error_late: Scalar
     losses: Scalar  # samples without contact
@@ -140,7 +95,7 @@ def observer(structure: Structure, parameters: Parameters, duration: Scalar, ste
 
 
 def squared_errors(reference: Reference, surface: Surface, t: Scalar, signals: Signals) -> dict[str, Scalar]:
-    """Squared norms of the errors named in ``_ERRORS`` [rad^2, m^2] at one sample.
+    """Squared norms of the errors named in ``ERRORS`` [rad^2, m^2] at one sample.
 
     The object's desired point is (Rg cos wt, Rg sin wt), w the platforms' yaw rate: along platform II's axes it is
     (Rg cos e1, -Rg sin e1), e1 the heading error of II, so that no angle grows with time. The desired point of tip I
@@ -157,7 +112,7 @@ def squared_errors(reference: Reference, surface: Surface, t: Scalar, signals: S
     errors["object_{}"] = minus(signals.tip[1], (radius * c, -radius * s, surface.guide_height))
     s, c = sincos((desired[0].z1 - desired[1].z1) + (desired[0].arm[0] - desired[1].arm[0]))
     errors["relative_tip_{}"] = minus(signals.contact_point, (surface.contact_radius * c, surface.contact_radius * s))
-    return {name: dot(errors[name], errors[name]) for name in _ERRORS}
+    return {name: dot(errors[name], errors[name]) for name in ERRORS}
 
 
 def finish(total: Total, duration: Scalar, step: Scalar) -> dict[str, Scalar]:
@@ -191,7 +146,7 @@ def finish(total: Total, duration: Scalar, step: Scalar) -> dict[str, Scalar]:
         "constraint_residual_max": largest.residual,
         "singularity_margin": -largest.singularity,
     }
-    for error in _ERRORS:
+    for error in ERRORS:
         metrics[error.format("rms")] = _root(sums.error[error] / samples)
         metrics[error.format("max")] = _root(largest.error[error])
         metrics[error.format("final")] = _root(last.error[error])
@@ -202,7 +157,7 @@ def _start(structure: Structure) -> Total:
     """Neutral elements; the determinants are one per robot whose arm has dependent joints."""
     zero = jnp.zeros((), jnp.result_type(float))
     arms = 2 if "guide_radial" in structure.rows else 1
-    errors, none = dict.fromkeys(_ERRORS, zero), zero - jnp.inf
+    errors, none = dict.fromkeys(ERRORS, zero), zero - jnp.inf
     return Total(
         Sums(**dict.fromkeys(Sums._fields, zero) | {"error": errors}),
         Largest(**dict.fromkeys(Largest._fields, none) | {"error": errors}),
@@ -243,7 +198,7 @@ def _candidates(structure: Structure, signals: Signals, last: Last, late: Scalar
     contact = structure.rows.index("contact_normal")
     force = signals.constraint_force[contact]
     others = tuple(x for i, x in enumerate(signals.constraint_force) if i != contact)
-    tracking = sum(last.error[name] for name in _TRACKING)
+    tracking = sum(last.error[name] for name in TRACKING)
     ratios = (-jnp.abs(now) / first for now, first in zip(signals.determinants, last.first_determinants, strict=True))
     return Largest(
         error=last.error,

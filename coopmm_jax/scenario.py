@@ -19,6 +19,7 @@ from pydantic import model_validator
 from coopmm_jax import scenario_schema as schema
 from coopmm_jax.errors import UserError
 from coopmm_jax.hardware_schema import HardwareSections
+from coopmm_jax.metric_table import METRICS
 from coopmm_jax.overrides import merged
 from coopmm_jax.parameters import (
     Disturbance,
@@ -32,6 +33,7 @@ from coopmm_jax.parameters import (
     Structure,
     Surface,
 )
+from coopmm_jax.requirements import Requirements
 from coopmm_jax.uncertainty_schema import Uncertainty
 from coopmm_jax.validation import closest, validate
 
@@ -52,6 +54,7 @@ class Scenario(HardwareSections):
     reference: schema.Reference = schema.Reference()
     initial: schema.Initial = schema.Initial()
     uncertainty: Uncertainty = Uncertainty()
+    requirements: Requirements = Requirements()
 
     @property
     def steps(self) -> int:
@@ -152,6 +155,14 @@ class Scenario(HardwareSections):
             from coopmm_jax.uncertainty import vary  # imports scipy, which few scenarios need
 
             vary(self)
+        return self
+
+    @model_validator(mode="after")
+    def _what_is_required_is_measured(self) -> Scenario:
+        for metric in self.requirements.model_extra:
+            if metric not in METRICS:
+                must = f"a metric, as coopmm simulate --out writes them{closest(metric, METRICS)}"
+                raise UserError(f"requirements.{metric}", must, "unknown")
         return self
 
 
