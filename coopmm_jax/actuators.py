@@ -8,13 +8,18 @@ from coopmm_jax.components import Scalar, Vector
 from coopmm_jax.parameters import Hardware, Structure
 
 
+def torque_limits(hardware: Hardware) -> Vector:
+    """Largest torque of one robot's five actuators [N m]."""
+    return (hardware.wheel_limit,) * 2 + (hardware.joint_limit,) * 3
+
+
 def limited(structure: Structure, hardware: Hardware, torque: Vector) -> Vector:
     """Torques of one robot's five actuators held within their limits [N m].
 
     ``torque_limits`` clips; ``smooth_limits`` uses x / (1 + (x/limit)^8)^(1/8), within 0.1 % of x up to half the limit
     and never beyond it, whose gradient does not vanish at once.
     """
-    limits = (hardware.wheel_limit,) * 2 + (hardware.joint_limit,) * 3
+    limits = torque_limits(hardware)
     if "smooth_limits" in structure.features:
         return tuple(_smoothly(x, limit) for x, limit in zip(torque, limits, strict=True))
     if "torque_limits" in structure.features:

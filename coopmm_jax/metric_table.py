@@ -45,9 +45,17 @@ METRICS: dict[str, tuple[str, str]] = {
     "internal_force_max": ("N", "largest size of the other constraint forces; 0 if there are no other rows"),
     "torque_rms": ("N m", "torques of all ten actuators: root mean square"),
     "torque_peak": ("N m", "torques of all ten actuators: largest size"),
+    "saturation_fraction": ("-", "torques commanded beyond an actuator's limit, of all samples of all ten actuators"),
     "torque_variation": ("N m", "torques of all ten actuators: sum of their total variations"),
     "wheel_torque_variation_late": ("N m", "torques of the four wheels: sum of their total variations, late"),
     "c_hat_max": ("-", "largest estimate c_hat of an uncertainty bound"),
     "constraint_residual_max": ("m", "largest size of a constraint residual phi"),
     "singularity_margin": ("-", "smallest |det J_dep| of an arm over its first: 0 where an arm is singular"),
 }
+
+# Those that tell at a glance whether a run is any good.
+SHOWN = (
+    *("error_late", "settling_time", "force_error_rms_late", "force_min", "force_max", "contact_loss_time"),
+    *("internal_force_max", "torque_peak", "wheel_torque_variation_late", "constraint_residual_max"),
+)
+LOW_IS_BAD = ("force_min", "force_min_late", "singularity_margin")  # of all others the largest value is the worst

@@ -18,10 +18,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from coopmm_jax.actuators import torque_limits
 from coopmm_jax.closed_loop import Signals
 from coopmm_jax.components import Scalar, Vector, dot, minus, sincos
 from coopmm_jax.metric_table import ERRORS, LATE, METRICS, SETTLED, TRACKING
-from coopmm_jax.parameters import Parameters, Reference, Structure, Surface
+from coopmm_jax.parameters import Hardware, Parameters, Reference, Structure, Surface
 from coopmm_jax.reference import desired_motion
 from coopmm_jax.rollout import Observer
 
@@ -36,6 +37,7 @@ class Sums(NamedTuple):
     force_error_late: Scalar
     losses: Scalar  # samples without contact
     torque: Scalar  # squares, of all actuators [N^2 m^2]
+    saturated: Scalar  # actuators commanded beyond their limit
     variation: Scalar  # |change since the sample before|, of all actuators [N m]
     wheel_variation_late: Scalar
 
@@ -87,7 +89,8 @@ def observer(structure: Structure, parameters: Parameters, duration: Scalar, ste
         errors = squared_errors(parameters.reference, parameters.plant.surface, t, signals)
         last = _last(structure, total, signals, errors)
         force = signals.constraint_force[structure.rows.index("contact_normal")]
-        sums = jax.tree.map(jnp.add, total.sums, _summands(total, force, last, late))
+        saturated = _saturated(structure, parameters.hardware, signals)
+        sums = jax.tree.map(jnp.add, total.sums, _summands(total, force, last, late, saturated))
         largest = jax.tree.map(jnp.maximum, total.largest, _candidates(structure, signals, last, late, t + step))
         return Total(sums, largest, last)
 
@@ -140,6 +143,7 @@ def finish(total: Total, duration: Scalar, step: Scalar) -> dict[str, Scalar]:
         "internal_force_max": largest.internal_force,
         "torque_rms": _root(sums.torque / (len(last.torque) * samples)),
         "torque_peak": largest.torque,
+        "saturation_fraction": sums.saturated / (len(last.torque) * samples),
         "torque_variation": sums.variation,
         "wheel_torque_variation_late": sums.wheel_variation_late,
         "c_hat_max": largest.c_hat,
@@ -175,7 +179,19 @@ def _last(structure: Structure, total: Total, signals: Signals, errors: dict[str
     return Last(errors, force_error, (*one[:2], *two[:2], *one[2:], *two[2:]), first)
 
 
-def _summands(total: Total, force: Scalar, last: Last, late: Scalar) -> Sums:
+def _saturated(structure: Structure, hardware: Hardware, signals: Signals) -> Scalar:
+    """How many of the ten actuators are asked for more than they can give; lag and smoothing play no part in it."""
+    if not {"torque_limits", "smooth_limits"} & set(structure.features):
+        return 0.0
+    limits = torque_limits(hardware)
+    return sum(
+        jnp.where(jnp.abs(torque) > limit, 1.0, 0.0)
+        for robot in signals.commanded
+        for torque, limit in zip(robot, limits, strict=True)
+    )
+
+
+def _summands(total: Total, force: Scalar, last: Last, late: Scalar, saturated: Scalar) -> Sums:
     """What one sample adds: its change of torque counts if the sample before exists, or is late too."""
     one = jnp.ones_like(force)
     before, late_before = total.sums.samples > 0, total.sums.late_samples > 0
@@ -188,6 +204,7 @@ def _summands(total: Total, force: Scalar, last: Last, late: Scalar) -> Sums:
         force_error_late=jnp.where(late, last.force_error**2, 0.0),
         losses=jnp.where(force < 0.0, one, 0.0),
         torque=dot(last.torque, last.torque),
+        saturated=saturated,
         variation=jnp.where(before, sum(change), 0.0),
         wheel_variation_late=jnp.where(late & late_before, sum(change[:4]), 0.0),
     )

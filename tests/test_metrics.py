@@ -9,10 +9,11 @@ import pytest
 
 import coopmm_jax as cm
 from coopmm_jax import metrics
-from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.parameters import Hardware, Parameters, Structure
 
 STEP = 1e-3
 NORMAL_ROW_ONLY = Structure(rows=("contact_normal",))
+IDEAL = Hardware()
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +96,7 @@ def effort_and_health(run):
     return {
         "torque_rms": np.sqrt(np.mean(run.torque**2)),
         "torque_peak": np.abs(run.torque).max(),
+        "saturation_fraction": 0.0,
         "torque_variation": np.abs(np.diff(run.torque, axis=0)).sum(),
         "wheel_torque_variation_late": np.abs(np.diff(wheels, axis=0)).sum(),
         "c_hat_max": run.c_hat.max(),
@@ -156,10 +158,10 @@ def sample(force, wheel, position_error=0.0):
     )
 
 
-def gathered(samples, duration):
+def gathered(samples, duration, structure=NORMAL_ROW_ONLY, hardware=IDEAL):
     """Metrics of hand-made samples, one a second, with the contact normal as the only row."""
     still = Parameters()._replace(reference=Parameters().reference._replace(rate=0.0, arm_rate=0.0))
-    observer = metrics.observer(NORMAL_ROW_ONLY, still, duration, step=1.0)
+    observer = metrics.observer(structure, still._replace(hardware=hardware), duration, step=1.0)
     total = observer.start
     for t, signals in enumerate(samples):
         total = observer.update(total, float(t), signals)
@@ -203,6 +205,17 @@ def test_hand_made_samples():
 )
 def test_settling_time_at_its_ends(errors, settled):
     assert gathered((sample(15.0, 0.0, error) for error in errors), 2.0)["settling_time"] == settled
+
+
+@pytest.mark.parametrize("limits", ["torque_limits", "smooth_limits"])
+def test_saturation_is_a_command_beyond_the_limit(limits):
+    """Two samples of ten actuators: one wheel and two joints beyond their limits, two joints at theirs."""
+    commands = [((9.0, -12.0, 6.0, 5.0, 0.0), (0.0,) * 5), ((0.0,) * 5, (0.0, 7.0, -5.0, 0.0, -5.5))]
+    samples = [SimpleNamespace(**vars(sample(15.0, 1.0)), commanded=command) for command in commands]
+    hardware = Hardware(wheel_limit=10.0, joint_limit=5.0)
+    limited = gathered(samples, 1.0, NORMAL_ROW_ONLY._replace(features=("force_lag", limits)), hardware)
+    assert limited["saturation_fraction"] == 3 / 20
+    assert gathered(samples, 1.0, hardware=hardware)["saturation_fraction"] == 0.0
 
 
 def test_failure_at_the_first_sample_gives_zeros():
