@@ -25,7 +25,9 @@ _MODULE_OF = {
     "UserError": "errors",
     "list_scenarios": "scenario",
     "load_scenario": "scenario",
+    "replay": "sweep_replay",
     "simulate": "simulation",
+    "sweep": "sweep_run",
 }
 __all__ = list(_MODULE_OF)
 

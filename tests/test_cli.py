@@ -15,7 +15,7 @@ import coopmm_jax
 from coopmm_jax import __version__, cli, overrides, plotting
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
-from coopmm_jax.metrics import METRICS
+from coopmm_jax.metric_table import METRICS, SHOWN
 from coopmm_jax.scenario import Scenario, load_scenario
 
 FAILED = SimpleNamespace(name="SINGULAR_GUIDE", message="arm of robot II became singular")
@@ -78,7 +78,7 @@ def test_simulate_prints_metrics(simulation, capsys):
     assert simulation.scenario == load_scenario("paper")
     out = capsys.readouterr().out
     assert "20 s in 20000 steps of 0.001 s, float64" in out
-    assert len(out.splitlines()) == 2 + len(cli.SHOWN)
+    assert len(out.splitlines()) == 2 + len(SHOWN)
     assert f"0.25 N       {METRICS['force_min'][1]}\n" in out
 
 
@@ -136,7 +136,7 @@ def test_failed_rollout_is_told_and_kept(simulation, tmp_path, capsys):
     ("arguments", "message"),
     [
         ([], "the following arguments are required: COMMAND"),
-        (["simulate"], "the following arguments are required: SCENARIO"),
+        (["simulate"], "SCENARIO: must be given, or --from STORE --sample N, was missing"),
         (["simulte"], "argument COMMAND: invalid choice: 'simulte' (choose from "),
         (["simulate", "papr"], "scenario: must be one of free, paper, paper_full, rough, sensed, uncertain"),
         (["simulate", "paper", "--gains.K-lambda", "-2"], "gains.K_lambda: must be greater than -1, was -2"),

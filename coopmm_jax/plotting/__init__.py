@@ -15,6 +15,7 @@ from coopmm_jax.plotting.force import constraint_forces, constraint_residual, co
 from coopmm_jax.plotting.motion import arm_angles, chained_errors, platform_angle, platform_paths
 from coopmm_jax.plotting.overview import overview
 from coopmm_jax.plotting.style import caption, save
+from coopmm_jax.plotting.sweeps import sweep_bands, sweep_importance, sweep_requirements, sweep_worst
 
 __all__ = [
     "adaptation",
@@ -29,5 +30,9 @@ __all__ = [
     "platform_angle",
     "platform_paths",
     "save",
+    "sweep_bands",
+    "sweep_importance",
+    "sweep_requirements",
+    "sweep_worst",
     "torques",
 ]

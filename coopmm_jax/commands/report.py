@@ -1,0 +1,60 @@
+"""``coopmm report``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from coopmm_jax.commands import DONE
+from coopmm_jax.errors import UserError
+from coopmm_jax.store import result_folder
+
+if TYPE_CHECKING:
+    import xarray
+
+    from coopmm_jax.scenario import Scenario
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    parser = commands.add_parser(
+        "report",
+        help="report on a sweep's store",
+        usage='coopmm report STORE [--out DIR] [--requirements.METRIC "<= LIMIT" ...]',
+        allow_abbrev=False,
+    )
+    parser.add_argument("store", metavar="STORE", help="the zarr store of a sweep, complete or not")
+    parser.add_argument("--out", metavar="DIR", help="folder for the report (default: STORE's name with -report)")
+    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=False)
+
+
+def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
+    """Print the report and write its files; other requirements than the sweep's may be given."""
+    for name in changes:
+        if not name.startswith("requirements."):
+            raise UserError(f"--{name}", "one of --requirements.METRIC, which alone can be changed after a sweep", name)
+    from coopmm_jax import sweep_store  # imports zarr
+
+    data = sweep_store.read_store(options.store)
+    scenario = sweep_store.scenario_of(data).with_overrides(changes)
+    folder = report_folder(options.store) if options.out is None else Path(options.out)
+    with result_folder(folder) as results:
+        write_and_print(results, data, scenario)
+    print(f"written to {folder}")
+    return DONE
+
+
+def report_folder(store: str | Path) -> Path:
+    """Where the report of a store goes by default."""
+    return Path(store).with_name(f"{Path(store).stem}-report")
+
+
+def write_and_print(folder: Path, data: xarray.Dataset, scenario: Scenario | None = None) -> None:
+    """The report of a data set, into a folder and on the screen."""
+    from coopmm_jax import sweep_report
+    from coopmm_jax.sweep_statistics import read_results
+
+    results = read_results(data, scenario)
+    sweep_report.write_report(folder, data, results)
+    print(sweep_report.text(results))

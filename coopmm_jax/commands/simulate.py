@@ -1,0 +1,86 @@
+"""``coopmm simulate``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+import coopmm_jax
+from coopmm_jax.commands import DONE, ROLLOUT_FAILED
+from coopmm_jax.commands.fields import OVERRIDES, fields_help
+from coopmm_jax.errors import UserError
+from coopmm_jax.metric_table import METRICS, SHOWN
+from coopmm_jax.scenario import Scenario, load_scenario
+from coopmm_jax.store import result_folder, write_run
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    parser = commands.add_parser(
+        "simulate",
+        help="simulate one scenario and print its metrics",
+        usage=f"coopmm simulate (SCENARIO | --from STORE --sample N) {OVERRIDES} [--precision P] [--out DIR]",
+        epilog=fields_help(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "scenario", metavar="SCENARIO", nargs="?", help="a shipped scenario's name, or the path of a TOML file"
+    )
+    parser.add_argument("--from", dest="store", metavar="STORE", help="a sweep's store, to replay one of its samples")
+    parser.add_argument("--sample", metavar="N", type=int, help="which sample of STORE, counted from 0")
+    parser.add_argument("--precision", choices=("float64", "float32"), help="short for --simulation.precision")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder for scenario.toml, trajectory.npz, summary.json and overview.png"
+    )
+    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
+
+
+def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
+    """Simulate, print, and write results if a folder is named."""
+    if options.precision:
+        changes = changes | {"simulation.precision": options.precision}
+    scenario = _scenario(options, changes)
+    if options.out is None:
+        return _report(scenario, coopmm_jax.simulate(scenario))
+    from coopmm_jax import plotting  # imports matplotlib
+
+    with result_folder(options.out) as folder:
+        trajectory = coopmm_jax.simulate(scenario)
+        write_run(folder, scenario, trajectory)
+        plotting.save(plotting.overview(trajectory), folder / "overview.png")
+    code = _report(scenario, trajectory)
+    print(f"written to {options.out}")
+    return code
+
+
+def _scenario(options: argparse.Namespace, changes: dict[str, Any]) -> Scenario:
+    """The scenario that is named, or the one of a sweep's sample."""
+    if options.store is None:
+        if options.sample is not None:
+            raise UserError("--sample", "given together with --from", "given alone")
+        if options.scenario is None:
+            raise UserError("SCENARIO", "given, or --from STORE --sample N", "missing")
+        return load_scenario(options.scenario, **changes)
+    if options.scenario is not None:
+        raise UserError("--from", "given in place of SCENARIO", f"given with {options.scenario}")
+    if options.sample is None:
+        raise UserError("--sample", "given together with --from", "missing")
+    from coopmm_jax.sweep_replay import replay  # imports zarr
+
+    return replay(options.store, options.sample).with_overrides(changes)
+
+
+def _report(scenario: Scenario, trajectory: Any) -> int:
+    settings = scenario.simulation
+    print(scenario.description)
+    print(f"{settings.duration:g} s in {scenario.steps} steps of {settings.step:g} s, {settings.precision}")
+    for name in SHOWN:
+        unit, meaning = METRICS[name]
+        print(f"  {name:{max(map(len, SHOWN))}} {trajectory.metrics[name]:12.6g} {unit:6}  {meaning}")
+    if trajectory.ok:
+        return DONE
+    ending = f"{trajectory.status.name} at t = {trajectory.status_time:g} s: {trajectory.status.message}"
+    print(f"coopmm: rollout failed: {ending}", file=sys.stderr)
+    return ROLLOUT_FAILED

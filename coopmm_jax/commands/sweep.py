@@ -1,0 +1,77 @@
+"""``coopmm sweep``."""
+
+from __future__ import annotations
+
+import argparse
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from coopmm_jax.commands import DONE
+from coopmm_jax.commands.fields import OVERRIDES, fields_help
+from coopmm_jax.commands.report import report_folder, write_and_print
+from coopmm_jax.errors import UserError
+from coopmm_jax.overrides import merged
+from coopmm_jax.scenario import load_scenario
+from coopmm_jax.store import result_folder
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    parser = commands.add_parser(
+        "sweep",
+        help="simulate many samples of a scenario's uncertainty and report how often its requirements are met",
+        usage=f"coopmm sweep SCENARIO {OVERRIDES} [options]",
+        epilog=fields_help(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario's name, or the path of a TOML file")
+    parser.add_argument("--uncertainty", metavar="FILE", help="TOML file with [uncertainty] and [requirements]")
+    parser.add_argument("--samples", metavar="N", type=int, help="how many (default 1000)")
+    parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
+    parser.add_argument("--sampling", default="independent", help="independent (default), or sobol")
+    parser.add_argument("--out", metavar="STORE", default="sweep.zarr", help="zarr store (default sweep.zarr)")
+    parser.add_argument("--resume", action="store_true", help="go on with STORE, and make it larger if N says so")
+    parser.add_argument("--keep", metavar="K", type=int, default=64, help="keep time series of K samples (default 64)")
+    parser.add_argument("--tile", metavar="B", type=int, default=64, help="samples in one call (default 64)")
+    parser.add_argument("--rank", metavar="R", type=int, help="number of this process, if several share STORE")
+    parser.add_argument("--size", metavar="P", type=int, help="number of these processes")
+    parser.add_argument("--coordinator", metavar="HOST:PORT", help="where they meet through jax.distributed")
+    parser.add_argument("--distributed", action="store_true", help="let jax.distributed find rank, size, coordinator")
+    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
+
+
+def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
+    """Sweep, then report if this process finds all tiles complete."""
+    if options.uncertainty:
+        changes = merged(_uncertainty_file(options.uncertainty), changes)
+    scenario = load_scenario(options.scenario, **changes)
+    from coopmm_jax.distributed import share  # imports JAX, as does the next
+    from coopmm_jax.sweep_run import sweep
+
+    mine = share(options.rank, options.size, options.coordinator, options.distributed)
+    names = ("samples", "seed", "sampling", "out", "resume", "keep", "tile")
+    data = sweep(scenario, **{name: getattr(options, name) for name in names}, share=mine)
+    missing = int((data.status < 0).sum())
+    if missing:
+        print(f"{missing} of {data.sizes['sample']} samples are left to other processes, or to --resume")
+        return DONE
+    folder = report_folder(options.out)
+    with result_folder(folder, "--out") as results:
+        write_and_print(results, data)
+    print(f"written to {options.out} and {folder}")
+    return DONE
+
+
+def _uncertainty_file(path: str) -> dict[str, Any]:
+    try:
+        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError("--uncertainty", "a file that can be read", f"{path} ({error.strerror})") from None
+    except ValueError as error:
+        raise UserError("--uncertainty", "a TOML file", f"{path} ({error})") from None
+    for name in tables:
+        if name not in ("uncertainty", "requirements"):
+            raise UserError(f"--uncertainty {path}", "a file of [uncertainty] and [requirements]", f"one with {name}")
+    return tables

@@ -1,0 +1,189 @@
+"""What a sweep says: success probabilities, quantiles, worst samples, and which parameters matter.
+
+>>> rank_correlation(np.arange(20.0), np.arange(20.0) ** 3).estimate
+1.0
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.stats import norm, spearmanr
+
+from coopmm_jax import sweep_store
+from coopmm_jax.errors import UserError
+from coopmm_jax.metric_table import LOW_IS_BAD, SHOWN
+from coopmm_jax.requirements import CONFIDENCE, Interval, Requirement, success
+from coopmm_jax.scenario import Scenario
+from coopmm_jax.uncertainty import vary
+
+if TYPE_CHECKING:
+    import xarray
+
+COMPLETED = "completed"  # stands where a metric's name does for "the rollout reached its horizon"
+_OK = 0  # Status.OK; -1 is a sample that has not been computed
+LOW, HIGH = 0.05, 0.95  # quantiles that tables and bands show
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """The n computed samples of a sweep, as far as its report needs them."""
+
+    scenario: Scenario
+    total: int  # samples the sweep is to have
+    index: np.ndarray  # (n,) of each computed sample
+    status: np.ndarray  # (n,) codes of ``Status``
+    status_time: np.ndarray  # (n,) of a failure [s]; NaN for none
+    parameters: dict[str, np.ndarray]  # (n,) of one number for each draw, by the draw's name
+    metrics: dict[str, np.ndarray]  # (n,) of SHOWN and of those with a requirement
+
+    @property
+    def completed(self) -> np.ndarray:
+        """Which samples reached the horizon (n,)."""
+        return self.status == _OK
+
+    @property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Those of the scenario."""
+        return self.scenario.requirements.parsed()
+
+    def met(self, requirement: Requirement) -> np.ndarray:
+        """Which samples completed and keep a limit (n,)."""
+        return self.completed & requirement.met(self.metrics[requirement.metric])
+
+    def low_is_bad(self, metric: str) -> bool:
+        """Whether the smallest value of a metric is the worst: as a requirement says, if there is one."""
+        for requirement in self.requirements:
+            if requirement.metric == metric:
+                return requirement.low_is_bad
+        return metric in LOW_IS_BAD
+
+
+class Outcome(NamedTuple):
+    """How often a requirement is met."""
+
+    requirement: str
+    passed: int
+    samples: int
+    success: Interval
+
+
+class Spread(NamedTuple):
+    """Distribution of a metric over the completed samples."""
+
+    median: float
+    low: float  # 5 %
+    high: float  # 95 %
+    worst: float
+    worst_sample: int
+
+
+def read_results(data: xarray.Dataset, scenario: Scenario | None = None) -> Results:
+    """What the report needs of a sweep's data set.
+
+    Args:
+        scenario: with other requirements than those the sweep was made with.
+
+    Raises:
+        UserError: no sample has been computed yet, or a chunk is corrupt.
+    """
+    scenario = sweep_store.scenario_of(data) if scenario is None else scenario
+    required = [requirement.metric for requirement in scenario.requirements.parsed()]
+    shown = list(dict.fromkeys([*required, *SHOWN]))
+    first = {number.draw: number.name for number in reversed(vary(scenario).numbers)}
+    status = sweep_store.values(data.status)
+    index = np.flatnonzero(status >= 0)
+    if not len(index):
+        raise UserError("store", "a sweep with at least one computed tile", "empty")
+    drawn = sweep_store.values(data.parameters.sel(parameter=list(first.values())))
+    measured = sweep_store.values(data.metrics.sel(metric=shown))
+    return Results(
+        scenario=scenario,
+        total=len(status),
+        index=index,
+        status=status[index],
+        status_time=sweep_store.values(data.status_time)[index],
+        parameters={draw: drawn[index, i] for i, draw in enumerate(first)},
+        metrics={name: measured[index, i] for i, name in enumerate(shown)},
+    )
+
+
+def as_results(sweep: xarray.Dataset | Results) -> Results:
+    """The results of a data set, unless they are given already."""
+    return sweep if isinstance(sweep, Results) else read_results(sweep)
+
+
+def outcomes(results: Results) -> list[Outcome]:
+    """Success probability of completing at all, of each requirement, and of all of them together."""
+    each = {COMPLETED: results.completed} | {str(r): results.met(r) for r in results.requirements}
+    each["all together"] = np.logical_and.reduce(list(each.values()))
+    n = len(results.index)
+    return [Outcome(name, int(met.sum()), n, success(int(met.sum()), n)) for name, met in each.items()]
+
+
+def spread(results: Results, metric: str) -> Spread | None:
+    """Quantiles and worst sample of a metric; None if no sample was completed."""
+    values, index = results.metrics[metric][results.completed], results.index[results.completed]
+    if not len(values):
+        return None
+    worst = values.argmin() if results.low_is_bad(metric) else values.argmax()
+    quantiles = np.quantile(values, [0.5, LOW, HIGH])
+    return Spread(*map(float, quantiles), float(values[worst]), int(index[worst]))
+
+
+def worst_samples(results: Results, metric: str, count: int) -> np.ndarray:
+    """Positions among the computed samples of the worst values of a metric, worst first (at most ``count``,).
+
+    Of ``COMPLETED``: of samples that did not complete.
+    """
+    if metric == COMPLETED:
+        return np.flatnonzero(~results.completed)[:count]
+    which, values = _of(results, metric)
+    order = np.argsort(values if results.low_is_bad(metric) else -values, kind="stable")
+    return which[order[:count]]
+
+
+def sensitivities(results: Results, metric: str) -> dict[str, Interval]:
+    """Rank correlation of a metric with each draw, strongest first; {} if it is the same in all samples.
+
+    Args:
+        metric: over the completed samples; or ``COMPLETED``, which is 1 or 0 in every sample.
+    """
+    which, values = _of(results, metric)
+    if not _differ(values):
+        return {}
+    found = {draw: rank_correlation(x[which], values) for draw, x in results.parameters.items()}
+    return dict(sorted(found.items(), key=lambda item: -abs(item[1].estimate)))
+
+
+def telling(results: Results) -> list[str]:
+    """What is worth a panel or a line on its causes: completion and the required metrics, if they differ at all."""
+    required = [requirement.metric for requirement in results.requirements] or list(results.metrics)
+    return list(dict.fromkeys(name for name in (COMPLETED, *required) if _differ(_of(results, name)[1])))
+
+
+def _differ(values: np.ndarray) -> bool:
+    """Whether there is anything to correlate; an interval needs four samples."""
+    return len(values) >= 4 and bool(np.any(values != values[0]))
+
+
+def _of(results: Results, metric: str) -> tuple[np.ndarray, np.ndarray]:
+    """Positions among the computed samples for which a metric counts, and its values there."""
+    if metric == COMPLETED:
+        return np.arange(len(results.index)), results.completed.astype(float)
+    which = np.flatnonzero(results.completed)
+    return which, results.metrics[metric][which]
+
+
+def rank_correlation(x: np.ndarray, y: np.ndarray) -> Interval:
+    """Spearman's rank correlation of at least four samples, with its 95 % interval.
+
+    Fisher's transformation with the variance of Bonett and Wright (2000), (1 + r^2 / 2) / (n - 3).
+    """
+    r = float(spearmanr(x, y).statistic)
+    if abs(r) >= 1.0:
+        return Interval(r, r, r)
+    half = norm.ppf(0.5 + CONFIDENCE / 2) * np.sqrt((1.0 + r**2 / 2.0) / (len(x) - 3))
+    return Interval(r, float(np.tanh(np.arctanh(r) - half)), float(np.tanh(np.arctanh(r) + half)))
