@@ -199,7 +199,7 @@ def _sincos64(x: Scalar) -> tuple[Scalar, Scalar]:
 
 @jax.custom_jvp
 def sincos(x: Scalar) -> tuple[Scalar, Scalar]:
-    """sin x and cos x together, accurate to 1 ulp of 1 for |x| up to 1e5.
+    """sin x and cos x together, to 1e-15 for |x| up to 1e5.
 
     In float64 a polynomial of our own, because XLA's CPU back end calls libm once per element for these two while it
     vectorises everything else; in float32 XLA's own, which is vectorised.

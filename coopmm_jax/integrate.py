@@ -40,8 +40,18 @@ def rk4_step(field: Callable, t: Any, step: Any, state: PyTree) -> tuple[PyTree,
 
     dtype = jnp.result_type(*jax.tree.leaves(state))
     table = (jnp.asarray(_NODES, dtype), jnp.asarray(_WEIGHTS, dtype))
-    (_, total), signals = jax.lax.scan(stage, (jax.tree.map(jnp.zeros_like, state), state), table)
+    (_, total), signals = jax.lax.scan(recomputed(stage), (jax.tree.map(jnp.zeros_like, state), state), table)
     return total, jax.tree.map(lambda s: s[0], signals)
+
+
+def recomputed(function: Callable) -> Callable:
+    """``function``, whose intermediate values the reverse pass computes again instead of keeping.
+
+    The right-hand side has some 3000 of them: writing and reading those costs ten times what computing them does.
+    Inside a scan nothing can be merged across the boundary, so XLA need not be kept from trying (``prevent_cse``). No
+    effect without ``jax.grad``.
+    """
+    return jax.checkpoint(function, prevent_cse=False)
 
 
 def rk4_hold(field: Callable, t: Any, step: Any, count: int, state: PyTree) -> tuple[PyTree, PyTree]:
@@ -73,5 +83,5 @@ def scan_segments(
         carry, reports = jax.lax.scan(advance, carry, start + jnp.arange(length, dtype=jnp.int32))
         return carry, jax.tree.map(lambda x: x[0], reports)
 
-    body = jax.checkpoint(segment) if checkpoint else segment
+    body = recomputed(segment) if checkpoint else segment
     return jax.lax.scan(body, carry, length * jnp.arange(segments, dtype=jnp.int32))

@@ -14,6 +14,8 @@ import sys
 from pathlib import Path
 
 _WHILE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000"
+# XLA counts the bytes a loop touches over all iterations; a batch over a long horizon is small only by this measure.
+_WHOLE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000000"
 _MULTI_OUTPUT = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion=true"
 # Not an extra option: given as one, XLA ignores it (seen in the generated code's prefer-vector-width attribute).
 _VECTOR_WIDTH = "--xla_cpu_prefer_vector_width=512"
@@ -51,7 +53,10 @@ def use_fast_compilation() -> bool:
     Raises:
         RuntimeError: a JAX backend is up, so it is too late.
     """
-    options = (_WHILE_LOOPS, _MULTI_OUTPUT, _VECTOR_WIDTH)
+    options = (_WHOLE_LOOPS, _MULTI_OUTPUT, _VECTOR_WIDTH)
+    flags = os.environ.get("XLA_FLAGS", "")
+    if not (backend_is_up() or _disabled()) and _WHILE_LOOPS in flags:
+        os.environ["XLA_FLAGS"] = flags.replace(_WHILE_LOOPS, _WHOLE_LOOPS)  # of importing this package
     if backend_is_up() and _missing(options) and not _disabled():
         raise RuntimeError("use_fast_compilation() comes too late: call it before the first JAX computation")
     return _add_options(*options)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from coopmm_jax import coupling, plant, robot
 from coopmm_jax.closed_loop import Devices, Signals, State, act, ideal_sensing, observe, torque_rates
-from coopmm_jax.components import Scalar, Vector, plus
+from coopmm_jax.components import Scalar, Vector, minus, plus
 from coopmm_jax.control.motion import Memory, motion_control
-from coopmm_jax.integrate import rk4_hold
+from coopmm_jax.integrate import recomputed, rk4_hold
 from coopmm_jax.model import Model
 from coopmm_jax.parameters import Structure
+from coopmm_jax.reference import desired_force
 
 
 class Noise(NamedTuple):
@@ -64,22 +65,23 @@ def sampled_step(
     Returns:
         The state at t + period, and the signals at t, just after the torque has been set.
     """
-    truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity)
-    seen, independent, noise = _measure(structure, model, sample, truth, state)
-    command = motion_control(structure, model, t, seen, independent, state.memory)
-    action = act(structure, model, t, truth, seen, command, state)
 
-    moved, forces = _hold(structure, model, t, period, state, action.target)
-    rates = Memory(command.integral_rate, command.eta_rate, command.c_hat_rate, action.measured_error)
+    def decide(t: Scalar, state: State) -> tuple:
+        truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity)
+        seen, independent, noise = _measure(structure, model, sample, truth, state)
+        command = motion_control(structure, model, t, seen, independent, state.memory)
+        action = act(structure, model, t, truth, seen, command, state)
+        rates = Memory(command.integral_rate, command.eta_rate, command.c_hat_rate, action.measured_error)
+        return action.target, rates, noise, observe(structure, model, truth, state, command.sigma, action)
+
+    target, rates, noise, signals = recomputed(decide)(t, state)
+    moved, forces = _hold(structure, model, t, period, state, target)
     memory = jax.tree.map(lambda x, rate: x + period * rate, state.memory, rates)
-    devices = _sense(structure, model, period, state.devices, forces, noise)._replace(torque=moved.torque)
-    signals = observe(structure, model, truth, state, command.sigma, action._replace(moved=_seen_at(action, forces)))
+    devices = sense(structure, model, period, state.devices, forces, noise)._replace(torque=moved.torque)
+    # The multipliers of the first integration stage are computed anyway; those of ``decide`` then need not be.
+    force_error = minus(forces, desired_force(model.reference, structure.rows))
+    signals = signals._replace(constraint_force=forces, force_error=force_error)
     return State(moved.position, moved.velocity, memory, devices), signals
-
-
-def _seen_at(action: Any, forces: Vector) -> coupling.Accelerations:
-    """The response at the sample, with the multipliers of the first integration stage, which is computed anyway."""
-    return action.moved._replace(multipliers=forces)
 
 
 def _measure(
@@ -114,7 +116,7 @@ def _hold(
     return rk4_hold(field, t, period / structure.substeps, structure.substeps, start)
 
 
-def _sense(
+def sense(
     structure: Structure, model: Model, period: Scalar, devices: Devices, forces: Vector, noise: Noise | None
 ) -> Devices:
     """The force sensor at the next sample: noise, delay line, then the exact first-order lag over one period."""
