@@ -1,0 +1,130 @@
+"""What the force sensor shows, and for which gains the force loop around it is stable."""
+
+import numpy as np
+import pytest
+
+from coopmm_jax.closed_loop import State, closed_loop
+from coopmm_jax.model import build_model
+from coopmm_jax.parameters import Hardware, Parameters, Structure
+from coopmm_jax.rollout import as_scalars, initial_state
+from coopmm_jax.sampled_loop import Noise, initial_devices, sense
+from coopmm_jax.scenario import load_scenario
+
+PERIOD = 1e-4  # short, so that the robots hardly move while torques are held
+LAG = 5e-4
+KEEP = np.exp(-PERIOD / LAG)
+DELAYED = Structure(substeps=1, force_delay=1)
+SENSED = load_scenario("sensed").structure()
+
+
+def shown(structure, forces, errors=None):
+    """What the sensor shows at the samples 0, 1, ... while the normal force is ``forces``."""
+    model = as_scalars(build_model(Parameters(hardware=Hardware(force_lag=LAG))), float)
+    devices, values = initial_devices(structure, 0.0), []
+    for force, error in zip(forces, errors if errors is not None else [None] * len(forces), strict=True):
+        values.append(devices.force[0])
+        noise = None if error is None else Noise((), (), (error,))
+        devices = sense(structure, model, PERIOD, devices, (force,), noise)
+    return np.array(values, float)
+
+
+@pytest.mark.parametrize("delay", [1, 2, 5])
+def test_delay_is_a_number_of_samples(delay):
+    forces = np.arange(1.0, 11.0)
+    structure = Structure(rows=("contact_normal",), substeps=1, force_delay=delay)
+    assert shown(structure, forces).tolist() == [*[0.0] * delay, *forces[:-delay]]
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3])
+def test_lag_is_exact_for_a_force_that_changes_at_samples(delay):
+    forces = np.random.default_rng(0).uniform(-20, 20, 12)
+    structure = Structure(rows=("contact_normal",), substeps=1, force_delay=delay, features=("force_lag",))
+    expected = [0.0]
+    for arriving in [*[0.0] * delay, *forces][: len(forces) - 1]:
+        expected.append(arriving + (expected[-1] - arriving) * KEEP)
+    np.testing.assert_allclose(shown(structure, forces), expected, rtol=0, atol=1e-14)
+
+
+def test_noise_is_of_the_force_before_delay_and_lag():
+    forces, errors = np.random.default_rng(0).uniform(-20, 20, (2, 12))
+    structure = Structure(rows=("contact_normal",), substeps=1, force_delay=2, features=("force_lag", "noise"))
+    np.testing.assert_array_equal(shown(structure, forces, errors), shown(structure, forces + errors))
+
+
+@pytest.mark.parametrize("features", [("force_bias",), ("force_bias", "actuator_lag")])
+def test_ideal_sensor_shows_the_force_its_own_torque_causes_with_its_bias(features):
+    hardware = Hardware(force_bias=2.5, actuator_lag=0.01)
+    parameters, structure = as_scalars(Parameters(hardware=hardware), float), Structure(features=features)
+    model = build_model(parameters)
+    state, *_ = initial_state(structure, model, parameters)
+    moving = State(state.position, tuple(0.1 * k for k in range(6)), state.memory, state.devices)
+    rates, signals = closed_loop(structure, model, 0.3, as_scalars(moving, float))
+    expected = np.array(signals.force_error) + 2.5
+    np.testing.assert_allclose(np.array(rates.memory.force_integral), expected, rtol=0, atol=1e-12)
+
+
+def test_sensor_in_the_loop_follows_the_contact_forces(programs):
+    """What the controller took in, from the steps of its integral, is the lag of the recorded forces."""
+    parameters = load_scenario("sensed").parameters()
+    signals = programs(SENSED)(parameters, 1e-3, 500).signals
+    desired = np.array(signals.constraint_force) - np.array(signals.force_error)
+    taken_in = desired[:, :-1] + np.diff(np.array(signals.memory.force_integral)) / 1e-3
+    keep, expected = np.exp(-1e-3 / parameters.hardware.force_lag), [np.zeros(4)]
+    for force in np.array(signals.constraint_force).T[:-2]:
+        expected.append(keep * expected[-1] + (1 - keep) * force)
+    np.testing.assert_allclose(taken_in.T, expected, rtol=0, atol=1e-10)
+
+
+def response(program, gain, lag, steps=300):
+    """Change of the four constraint forces (4, steps + 1) when one newton more is wanted of the contact."""
+
+    def forces(wanted):
+        paper = Parameters()
+        parameters = paper._replace(
+            gains=paper.gains._replace(K_lambda=(gain,) * 4, K_I=(0.0,) * 4),
+            reference=paper.reference._replace(contact_force=wanted),
+            hardware=Hardware(force_lag=lag),
+        )
+        run = program(parameters, PERIOD, steps)
+        assert run.health.status == 0
+        return np.array(run.signals.constraint_force)
+
+    return forces(16.0) - forces(15.0)
+
+
+def check_force_loop(change, gain, eigenvalue):
+    """From a sensor that shows nothing yet, the normal force is K eigenvalue^k off its new value at sample k.
+
+    The closed form of lambda = ... + lambda_d - K (shown - lambda_d) with the sensor's recursion. The torque that is
+    held between samples presses along the last sample's normal, hence the tolerance.
+    """
+    off = gain * eigenvalue ** np.arange(change.shape[1])
+    np.testing.assert_allclose(change[0] - 1.0, off, rtol=0, atol=1e-5 * np.abs(off).max())
+    assert np.abs(change[1:]).max() < 1e-5 * np.abs(off).max()
+
+
+@pytest.mark.parametrize("gain", [0.99, 1.01, -0.99, -1.01])
+def test_one_sample_of_delay_is_stable_exactly_below_gain_one(programs, gain):
+    change = response(programs(DELAYED), gain, 0.0)
+    check_force_loop(change, gain, -gain)
+    grown = abs(change[0, -1] - 1.0) / abs(change[0, 0] - 1.0)
+    assert (grown < 0.06) == (abs(gain) < 1.0)
+    assert (grown > 15.0) == (abs(gain) > 1.0)
+
+
+@pytest.mark.parametrize("fraction", [0.99, 1.01])
+def test_sampled_lag_is_stable_exactly_below_its_gain(programs, fraction):
+    """|a - (1 - a) K| < 1: K < (1 + a) / (1 - a)."""
+    gain = fraction * (1.0 + KEEP) / (1.0 - KEEP)
+    change = response(programs(SENSED), gain, LAG)
+    check_force_loop(change, gain, KEEP - (1.0 - KEEP) * gain)
+    grown = abs(change[0, -1] - 1.0) / abs(change[0, 0] - 1.0)
+    assert (grown < 0.06) == (fraction < 1.0)
+    assert (grown > 15.0) == (fraction > 1.0)
+
+
+@pytest.mark.parametrize("gain", [-0.99, -1.01])
+def test_sampled_lag_is_stable_exactly_above_gain_minus_one(programs, gain):
+    change = response(programs(SENSED), gain, LAG)
+    check_force_loop(change, gain, KEEP - (1.0 - KEEP) * gain)
+    assert (abs(change[0, -1] - 1.0) < abs(change[0, 0] - 1.0)) == (gain > -1.0)

@@ -1,0 +1,191 @@
+"""The sampled loop: its limit as period and lags vanish, what it holds, its noise, what is ideal adds nothing."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.integrate import solve_ivp
+
+from coopmm_jax.integrate import rk4_hold
+from coopmm_jax.model import build_model
+from coopmm_jax.parameters import ALL_ROWS, Hardware, Parameters, Structure
+from coopmm_jax.plant import disturbance_torque
+from coopmm_jax.rollout import as_scalars, initial_state
+from coopmm_jax.sampled_loop import draw_noise, sampled_step
+from coopmm_jax.scenario import load_scenario
+from tests.oracles import lagrangian
+from tests.samples import poses
+
+PAPER = Parameters()
+HORIZON = 0.5
+SAMPLED = Structure(substeps=1)
+LAGGING = Structure(features=("force_lag", "actuator_lag"))
+DELAYED = Structure(substeps=1, force_delay=1, feedforward="full")
+NOISY = DELAYED._replace(features=("noise",))
+
+
+def orders(sizes, runs, exact):
+    """Orders of convergence of motion, controller's memory and constraint forces at the end: slopes of log error."""
+
+    def at_end(run):
+        forces = [x[-1] for x in run.signals.constraint_force]
+        parts = ((run.state.position, run.state.velocity), run.state.memory, forces)
+        return [np.array(jax.tree.leaves(part)) for part in parts]
+
+    errors = [[np.abs(x - y).max() for x, y in zip(at_end(run), at_end(exact), strict=True)] for run in runs]
+    return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
+
+
+@pytest.fixture(scope="module")
+def continuous(programs):
+    """The ideal loop in continuous time, with an integration error far below what is compared with it."""
+    return programs(Structure())(PAPER, HORIZON / 20_000, 20_000)
+
+
+def test_continuous_loop_is_the_limit_of_short_control_periods(programs, continuous):
+    """Order one: torque is held and the controller's memory makes Euler steps."""
+    steps = np.array([1000, 2000, 4000])
+    runs = [programs(SAMPLED)(PAPER, HORIZON / n, n) for n in steps.tolist()]
+    assert orders(HORIZON / steps, runs, continuous) == pytest.approx([1.0] * 3, abs=0.05)
+
+
+@pytest.mark.parametrize(("force_lag", "actuator_lag"), [(1.0, 0.1), (0.1, 1.0)])
+def test_ideal_loop_is_the_limit_of_short_lags(programs, continuous, force_lag, actuator_lag):
+    lags = np.array([1e-3, 5e-4, 2.5e-4])
+    runs = [
+        programs(LAGGING)(
+            PAPER._replace(hardware=Hardware(force_lag=force_lag * lag, actuator_lag=actuator_lag * lag)),
+            HORIZON / 20_000,
+            20_000,
+        )
+        for lag in lags.tolist()
+    ]
+    assert orders(lags, runs, continuous) == pytest.approx([1.0] * 3, abs=0.05)
+
+
+NOW = 0.3  # [s]
+
+
+@pytest.fixture(scope="module")
+def moving():
+    """Parameters, and a state in which robots move and the force sensor shows something."""
+    parameters = as_scalars(load_scenario("sensed").parameters()._replace(hardware=Hardware()), float)
+    start, *_ = initial_state(DELAYED, build_model(parameters), parameters)
+    velocity = tuple(0.1 * k - 0.3 for k in range(len(start.velocity)))
+    devices = start.devices._replace(force=(10.0, 1.0, 2.0, 3.0))
+    return parameters, as_scalars(start._replace(velocity=velocity, devices=devices), float)
+
+
+def one_period(structure, moving, period):
+    """State after one period and signals, operation by operation, so that equal arithmetic gives equal bits."""
+    parameters, state = moving
+    with jax.disable_jit():
+        return sampled_step(
+            structure, build_model(parameters), jnp.int32(7), jnp.asarray(NOW), jnp.asarray(period), state
+        )
+
+
+def oracle_rates(plant, disturbance, torque, t, state):
+    """qdot (12,) and udot (10,) under constant actuator torques (10,), from the Lagrangian with multipliers."""
+    q, u = state[:12].reshape(2, 6), state[12:]
+    terms = lagrangian.coupled_terms(plant, ALL_ROWS, q, u)
+    opposing = np.ravel([disturbance_torque(disturbance, t)] * 2)
+    u_dot, _ = lagrangian.multiplier_solution(terms, terms.B @ (torque - opposing))
+    q_dot = [lagrangian.chained_basis(q_i) @ u_i for q_i, u_i in zip(q, u.reshape(2, 5), strict=True)]
+    return np.concatenate([*map(np.ravel, q_dot), u_dot])
+
+
+def test_torque_is_held_for_a_period(moving):
+    """Four steps of RK4 in one period, against an adaptive integrator of the Lagrangian under the sample's torque."""
+    (parameters, start), period = moving, 4e-3
+    end, signals = one_period(DELAYED._replace(substeps=4), moving, period)
+    rates = partial(oracle_rates, parameters.plant, parameters.disturbance, np.ravel(signals.torque))
+    before = np.concatenate([poses(start.position).ravel(), np.ravel(signals.velocity)])
+    exact = solve_ivp(rates, (NOW, NOW + period), before, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    np.testing.assert_allclose(poses(end.position).ravel(), exact[:12], rtol=0, atol=5e-11)
+    independent = [i for i in range(10) if i not in lagrangian.dependent_joints(ALL_ROWS)]
+    np.testing.assert_allclose(end.velocity, exact[12:][independent], rtol=0, atol=5e-11)
+
+
+def test_hold_keeps_the_first_signals_and_passes_time_on():
+    """RK4 is exact for cubic polynomials of t: 4 t^3 from 1 to 3."""
+    state, signals = rk4_hold(lambda t, x: (4.0 * t**3, (t, x)), 1.0, 0.5, 4, jnp.asarray(2.0))
+    assert state == pytest.approx(2.0 + 3.0**4 - 1.0, rel=1e-15)
+    assert tuple(map(float, signals)) == (1.0, 2.0)
+
+
+def test_force_integral_makes_one_euler_step_per_sample(programs):
+    period, run = 1e-3, programs(SAMPLED)(PAPER, 1e-3, 500)
+    integral = np.array(run.signals.memory.force_integral)
+    errors = np.array(run.signals.force_error)
+    np.testing.assert_allclose(np.diff(integral), period * errors[:, :-1], rtol=0, atol=1e-14)
+
+
+@pytest.fixture(scope="module")
+def ideal_period(moving):
+    return one_period(DELAYED, moving, 1e-3)
+
+
+@pytest.mark.parametrize(
+    "feature",
+    ["force_bias", "noise", "torque_limits", "smooth_limits", "friction", "tip_friction", "surface_motion"],
+)
+def test_feature_with_ideal_numbers_changes_no_bit(moving, ideal_period, feature):
+    with_feature = one_period(DELAYED._replace(features=(feature,)), moving, 1e-3)
+    assert np.array_equal(jax.tree.leaves(with_feature), jax.tree.leaves(ideal_period))
+
+
+def noise_of(streams, seed=(0.0, 0.0), sample=0):
+    """Standard normal noise (streams, 30) drawn in one batch: positions, velocities, forces."""
+    hardware = Hardware(force_noise=1.0, encoder_noise=1.0, velocity_noise=1.0, noise_seed=seed)
+    model = build_model(PAPER._replace(hardware=hardware))
+
+    def draw(stream):
+        noisy = as_scalars(model._replace(hardware=hardware._replace(noise_stream=stream)), float)
+        return jnp.stack(jax.tree.leaves(draw_noise(NOISY, noisy, sample)))
+
+    return np.array(jax.vmap(draw)(jnp.asarray(streams, float)))
+
+
+def test_noise_of_a_stream_is_the_same_in_any_batch():
+    batch = noise_of(range(8))
+    assert batch.shape == (8, 12 + 6 + 4)
+    assert np.array_equal(noise_of([5, 0, 3]), batch[[5, 0, 3]])
+    assert np.array_equal(noise_of([7]), batch[[7]])
+
+
+def test_seed_stream_and_sample_each_change_all_noise():
+    noises = [
+        noise_of([0]),
+        noise_of([1]),
+        noise_of([0], sample=1),
+        noise_of([0], (1.0, 0.0)),
+        noise_of([0], (0.0, 1.0)),
+    ]
+    assert len(np.unique(noises)) == 5 * 22
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2**24, 2**24 + 1, 2**32 - 1])
+def test_seeds_are_exact_even_in_single_precision(seed):
+    upper, lower = load_scenario("rough", simulation={"seed": seed}).parameters().hardware.noise_seed
+    assert int(np.float32(upper)) * 2**16 + int(np.float32(lower)) == seed
+
+
+def test_noise_is_standard_normal_and_independent():
+    draws = noise_of(range(4000))
+    assert stats.kstest(draws.ravel(), "norm").pvalue > 0.01
+    correlation = np.corrcoef(draws.T) - np.eye(draws.shape[1])
+    assert np.abs(correlation).max() < 5 / np.sqrt(4000)
+
+
+def test_each_noise_has_its_own_size():
+    hardware = Hardware(force_noise=1e3, encoder_noise=1.0, velocity_noise=1e-3)
+    model = as_scalars(build_model(PAPER._replace(hardware=hardware)), float)
+    noise = draw_noise(NOISY, model, 0)
+    unit = noise_of([0])[0]
+    expected = ((noise.position, 1.0), (noise.velocity, 1e-3), (noise.force, 1e3))
+    drawn = np.concatenate([np.array(jax.tree.leaves(part)) / size for part, size in expected])
+    np.testing.assert_allclose(drawn, unit, rtol=1e-15)
