@@ -11,7 +11,7 @@ from coopmm_jax.model import Model
 from coopmm_jax.parameters import Disturbance, Structure
 
 # Rate [1/s] at which drift of the dependent joints off the constraints decays. RK4 at 1 ms leaves about 1e-12 m a step;
-# 10 keeps |phi| below 1e-9 over the paper's run where 1 does not, and it is far below 1 / step, so it adds no stiffness.
+# 10 keeps |phi| below 1e-9 over the paper's run where 1 does not, and is far below 1 / step, so it adds no stiffness.
 DRIFT_RATE = 10.0
 
 

@@ -66,7 +66,7 @@ def use_compilation_cache() -> Path:
     """Keep compiled rollouts on disk, so that the next process starts at once.
 
     The folder is COOPMM_CACHE_DIR, else the one JAX is already set to use, else coopmm_jax in XDG_CACHE_HOME or
-    ~/.cache. Everything that takes over 0.2 s to compile is kept.
+    ~/.cache. Everything that takes over 0.02 s to compile is kept: the many small programs add up too.
 
     Returns:
         The cache folder.
@@ -77,7 +77,7 @@ def use_compilation_cache() -> Path:
     default = jax.config.jax_compilation_cache_dir or Path(home) / "coopmm_jax"
     folder = Path(os.environ.get("COOPMM_CACHE_DIR") or default)
     jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.02)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
     return folder
 

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, NoReturn
 
 import coopmm_jax as cm
 from coopmm_jax import plotting, runtime
-from coopmm_jax.cli import BAD_INPUT, DONE, ROLLOUT_FAILED, SHOWN
+from coopmm_jax.commands import BAD_INPUT, DONE, ROLLOUT_FAILED
 from coopmm_jax.lyapunov import Analysis, analyse, report
-from coopmm_jax.metrics import METRICS
+from coopmm_jax.metric_table import METRICS, SHOWN
 from coopmm_jax.store import result_folder, summary, write_json
 
 if TYPE_CHECKING:
