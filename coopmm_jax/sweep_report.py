@@ -120,7 +120,7 @@ def _failed(results: Results) -> list[str]:
 
 
 def _failures(results: Results) -> list[tuple[int, str, float | None, list[str]]]:
-    """Index, status, time of failure and broken requirements of every sample that did not succeed."""
+    """Index, status, time and broken requirements of samples without success; those not completed come first."""
     met = {str(requirement): results.met(requirement) for requirement in results.requirements}
     rows = []
     for i in np.flatnonzero(~np.logical_and.reduce([results.completed, *met.values()])):
@@ -128,7 +128,7 @@ def _failures(results: Results) -> list[tuple[int, str, float | None, list[str]]
         broken = [name for name, kept in met.items() if not kept[i]] if results.completed[i] else []
         status = Status(int(results.status[i])).name
         rows.append((int(results.index[i]), status, None if results.completed[i] else time, broken))
-    return rows
+    return sorted(rows, key=lambda row: row[1] == Status.OK.name)
 
 
 def _write_failed(path: Path, results: Results) -> None:

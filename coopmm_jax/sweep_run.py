@@ -150,17 +150,24 @@ def _fill(store: SweepStore, variation: Variation, points: Any, contents: Conten
         for tile in missing:
             yield tile, points(indices(tile))
 
-    def compute(device: Any, item: tuple[int, np.ndarray]) -> int:
+    def compute(device: Any, item: tuple[int, np.ndarray]) -> None:
         tile, at = item
         parameters = variation.batch(at, indices(tile))
         measured = sweep_tiles.measure(structure, horizon, device, parameters)
         rows = {"parameters": np.stack(list(variation.values(at).values()), axis=1), **measured._asdict()}
         if tile * contents.tile < contents.kept(store.samples):
             rows |= sweep_tiles.trace(structure, horizon, device, parameters)
-        store.write(tile, rows)
-        return tile
+        _write(store, tile, rows)
 
     done = (len(tiles) - len(missing)) * contents.tile
     with tqdm(total=len(tiles) * contents.tile, initial=done, unit="sample", disable=None) as bar:
         for _ in concurrently(compute, drawn(), slots()):
             bar.update(contents.tile)
+
+
+def _write(store: SweepStore, tile: int, rows: dict[str, np.ndarray]) -> None:
+    try:
+        store.write(tile, rows)
+    except OSError as error:
+        was = f"{store.path} ({error.strerror}); complete tiles are safe, --resume goes on"
+        raise UserError("out", "a place with room and permission to write", was) from None

@@ -174,10 +174,9 @@ def values(data: xarray.DataArray) -> np.ndarray:
     """
     try:
         return data.values
-    except (RuntimeError, ValueError) as error:
-        where = f"{data.encoding.get('source', 'the store')}, {data.name}"
-        must = "readable (sweep --resume computes a tile again whose file is deleted)"
-        raise UserError(where, must, f"corrupt: {error}") from None
+    except (RuntimeError, ValueError):
+        must = "readable (delete the file, and sweep --resume computes its tile again)"
+        raise UserError(f"{data.name}/c/{_corrupt_tile(data)} of the store", must, "corrupt") from None
 
 
 def scenario_of(data: xarray.Dataset) -> Scenario:
@@ -188,6 +187,16 @@ def scenario_of(data: xarray.Dataset) -> Scenario:
 def chunk_file(path: Path, name: str, tile: int, dimensions: int) -> Path:
     """Where zarr keeps the chunk of a tile."""
     return path.joinpath(name, "c", str(tile), *["0"] * (dimensions - 1))
+
+
+def _corrupt_tile(data: xarray.DataArray) -> int | str:
+    size = data.encoding["chunks"][0]
+    for start in range(0, len(data), size):
+        try:
+            data[start : start + size].values  # noqa: B018 - reads the chunk
+        except (RuntimeError, ValueError):
+            return start // size
+    return "?"
 
 
 def _opened(store: Any) -> xarray.Dataset:

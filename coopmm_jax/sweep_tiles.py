@@ -98,17 +98,19 @@ def _run(
     arguments = (parameters, np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32))
     with jax.enable_x64(dtype == np.float64):  # of this thread only
         with _COMPILING:
-            executable = _executable(kind, structure, plan, dtype, device, len(parameters.plant.gravity))
+            shape = jax.tree.structure(parameters), len(parameters.plant.gravity)
+            executable = _executable(kind, structure, plan, dtype, device, *shape)
         return jax.device_get(executable(*jax.device_put(arguments, device)))
 
 
 @functools.lru_cache(maxsize=8)
 def _executable(
-    kind: Callable, structure: Structure, plan: Plan, dtype: np.dtype, device: jax.Device, size: int
+    kind: Callable, structure: Structure, plan: Plan, dtype: np.dtype, device: jax.Device, tree: Any, size: int
 ) -> Callable:
     """One program for all numbers, and for all horizons of one plan."""
     place = jax.sharding.SingleDeviceSharding(device)
-    batched = jax.tree.map(lambda _: jax.ShapeDtypeStruct((size,), dtype, sharding=place), Parameters())
+    leaf = jax.ShapeDtypeStruct((size,), dtype, sharding=place)
+    batched = jax.tree.unflatten(tree, [leaf] * tree.num_leaves)
     step, steps = (jax.ShapeDtypeStruct((), kind, sharding=place) for kind in (dtype, np.int32))
     function = jax.vmap(functools.partial(kind, structure, plan), in_axes=(0, None, None))
     return jax.jit(function).lower(batched, step, steps).compile()

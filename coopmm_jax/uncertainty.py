@@ -108,7 +108,8 @@ class Variation:
         spelt_out = {name: [getattr(robot, name) for robot in nominal] for name in Inertia._fields}
         spelt_out["m_obj"] = nominal[1].m_obj
         changes = self._tables(values) | {f"nominal.{name}": value for name, value in spelt_out.items()}
-        certain = self.scenario.model_copy(update={"uncertainty": type(self.scenario.uncertainty)()})
+        empty = {name: type(getattr(self.scenario, name))() for name in ("uncertainty", "requirements")}
+        certain = self.scenario.model_copy(update=empty)
         return certain.with_overrides(changes | {"simulation.stream": index})
 
     def _tables(self, values: dict[str, Any]) -> dict[str, Any]:
@@ -166,7 +167,9 @@ def _check_end(variation: Variation, end: float) -> None:
         try:
             alone.sample(0, values)
         except UserError as error:
-            raise UserError(f"uncertainty.{error.field}", error.must, error.was) from None
+            own = error.field == f"{number.section}.{number.field}"
+            must = error.must if own else f"such that {error.field} is {error.must}"
+            raise UserError(f"uncertainty.{number.name}", must, error.was) from None
         if alone.parameters(np.array([_INSIDE])) == nominal:
             must = "a number that changes the simulation (a factor on 0 does not: use offset)"
             raise UserError(f"uncertainty.{number.name}", must, number.base)
