@@ -1,0 +1,213 @@
+"""How fast the closed loop runs: RK4 steps per second, compile times, what a gradient costs.
+
+    python -m experiments.benchmarks.rollout [--out results/benchmarks] [--rounds 7]
+
+Every program is compiled first (tracing included in the time), run once to warm up, and then timed in turn with all the
+others, so that a machine that slows down slows them all; the table gives medians. "gradient" is of a cost with respect
+to K_sigma (6), gamma (5), K_lambda and K_I, by reverse mode with nested checkpoints or by one forward-mode direction.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import statistics
+import sys
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from coopmm_jax import runtime
+
+if __name__ == "__main__":
+    runtime.use_fast_compilation()
+
+import jax
+import jax.numpy as jnp
+
+from coopmm_jax import load_scenario
+from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.rollout import Observer, Plan, as_scalars, rollout
+
+STEP = 1e-3
+BATCH = 64  # lanes of a batch tile: fastest here; smaller ones loop more, larger ones leave the first-level cache
+GRADIENT_BATCH = 16  # the reverse pass has several times as many live values
+TUNED = ("K_sigma", "gamma", "K_lambda", "K_I")
+
+
+class Program(NamedTuple):
+    """One compiled program and what a run of it amounts to."""
+
+    name: str
+    precision: str
+    lanes: int
+    steps: int
+    compile_seconds: float
+    temporary_megabytes: float
+    run: Callable[[], Any]
+
+
+def tuned_cost(structure: Structure, parameters: Parameters, steps: int, checkpoint: bool) -> Callable[[dict], Any]:
+    """Force error and effort of one rollout as a function of the tuned gains."""
+    observer = Observer(
+        jnp.zeros(()),
+        lambda total, t, s: total + s.force_error[0] ** 2 + 1e-3 * sum(x * x for torque in s.torque for x in torque),
+    )
+    plan = Plan.covering(steps, 50, True) if checkpoint else Plan.covering(steps)
+
+    def cost(gains: dict) -> Any:
+        changed = parameters._replace(gains=parameters.gains._replace(**gains))
+        return rollout(structure, changed, STEP, steps, plan, observer).total
+
+    return cost
+
+
+def _compiled(name: str, precision: str, lanes: int, steps: int, function: Callable, *arguments: Any) -> Program:
+    start = time.perf_counter()
+    executable = jax.jit(function).lower(*arguments).compile()
+    seconds = time.perf_counter() - start
+    memory = executable.memory_analysis().temp_size_in_bytes / 1e6
+    return Program(
+        name, precision, lanes, steps, seconds, memory, lambda: jax.block_until_ready(executable(*arguments))
+    )
+
+
+def _lanes(tree: Any, count: int) -> Any:
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (count,)), tree)
+
+
+def forward_programs(precision: str) -> list[Program]:
+    """One rollout of 20 s and a tile of 1 s, in the scenario ``paper``."""
+    scenario = load_scenario("paper")
+    structure, dtype = scenario.structure(), jnp.dtype(precision)
+    parameters = as_scalars(scenario.parameters(), dtype)
+
+    def final(parameters: Parameters, steps: int) -> Any:
+        return rollout(structure, parameters, STEP, steps, Plan.covering(steps)).state
+
+    def batch(parameters: Parameters) -> Any:
+        return jax.vmap(lambda p: final(p, 1000))(parameters)
+
+    return [
+        _compiled("one rollout", precision, 1, 20000, lambda p: final(p, 20000), parameters),
+        _compiled("batch, one thread", precision, BATCH, 1000, batch, _lanes(parameters, BATCH)),
+    ]
+
+
+def on_two_threads(program: Program) -> Program:
+    """The same executable on two tiles at once, as sweeps run it."""
+    pool = ThreadPoolExecutor(2)
+    return program._replace(
+        name="batch, two threads",
+        lanes=2 * program.lanes,
+        compile_seconds=0.0,
+        run=lambda: list(pool.map(lambda _: program.run(), range(2))),
+    )
+
+
+def gradient_programs() -> list[Program]:
+    """Cost, reverse-mode gradient and one forward-mode direction, of one rollout and of a tile, over 4 s."""
+    scenario = load_scenario("paper", law={"delta_floor": 0.01})
+    structure, steps = scenario.structure(), 4000
+    parameters = as_scalars(scenario.parameters(), jnp.float64)
+    gains = {name: getattr(parameters.gains, name) for name in TUNED}
+
+    def cost(gains: dict, parameters: Parameters, checkpoint: bool) -> Any:
+        return tuned_cost(structure, parameters, steps, checkpoint)(gains)
+
+    def mean(gains: dict, parameters: Parameters, checkpoint: bool) -> Any:
+        return jax.vmap(lambda p: cost(gains, p, checkpoint))(parameters).mean()
+
+    def along(gains: dict, parameters: Parameters) -> Any:
+        return jax.jvp(lambda g: cost(g, parameters, False), (gains,), (gains,))
+
+    many = _lanes(parameters, GRADIENT_BATCH)
+    tile = ("float64", GRADIENT_BATCH, steps)
+    return [
+        _compiled("cost", "float64", 1, steps, lambda g, p: cost(g, p, False), gains, parameters),
+        _compiled("cost, one direction", "float64", 1, steps, along, gains, parameters),
+        _compiled("cost and gradient", "float64", 1, steps, jax.value_and_grad(_with(cost, True)), gains, parameters),
+        _compiled("cost, batch", *tile, lambda g, p: mean(g, p, False), gains, many),
+        _compiled("cost and gradient, batch", *tile, jax.value_and_grad(_with(mean, True)), gains, many),
+    ]
+
+
+def _with(function: Callable, checkpoint: bool) -> Callable:
+    return lambda gains, parameters: function(gains, parameters, checkpoint)
+
+
+def measure(programs: Sequence[Program], rounds: int) -> list[dict[str, Any]]:
+    """Median seconds of each program over ``rounds`` rounds, each round running all of them once."""
+    for program in programs:
+        program.run()
+    seconds: list[list[float]] = [[] for _ in programs]
+    for _ in range(rounds):
+        for program, times in zip(programs, seconds, strict=True):
+            start = time.perf_counter()
+            program.run()
+            times.append(time.perf_counter() - start)
+    return [
+        {
+            "program": program.name,
+            "precision": program.precision,
+            "rollouts": program.lanes,
+            "steps": program.steps,
+            "compile [s]": round(program.compile_seconds, 1),
+            "temporary [MB]": round(program.temporary_megabytes, 2),
+            "run [s]": round(statistics.median(times), 5),
+            "steps per second": round(program.lanes * program.steps / statistics.median(times)),
+        }
+        for program, times in zip(programs, seconds, strict=True)
+    ]
+
+
+def all_programs() -> list[Program]:
+    """Every program of the table; float32 is traced outside the float64 context."""
+    with jax.enable_x64(True):
+        double = forward_programs("float64")
+        gradients = gradient_programs()
+    with jax.enable_x64(False):
+        single = forward_programs("float32")
+    return [*double, on_two_threads(double[1]), *single, on_two_threads(single[1]), *gradients]
+
+
+def ratios(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """What a gradient costs in cost evaluations, alone and in a batch."""
+    run = {row["program"]: row["run [s]"] for row in rows if row["precision"] == "float64"}
+    return {
+        "gradient / cost": run["cost and gradient"] / run["cost"],
+        "one forward direction / cost": run["cost, one direction"] / run["cost"],
+        "gradient / cost, batch": run["cost and gradient, batch"] / run["cost, batch"],
+    }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure, print the table, write ``rollout.csv``."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("results/benchmarks"))
+    parser.add_argument("--rounds", type=int, default=7)
+    options = parser.parse_args(argv)
+    rows = measure(all_programs(), options.rounds)
+    print_table(rows)
+    for name, value in ratios(rows).items():
+        print(f"{name}: {value:.1f}")
+    options.out.mkdir(parents=True, exist_ok=True)
+    with (options.out / "rollout.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    return 0
+
+
+def print_table(rows: Sequence[dict[str, Any]]) -> None:
+    """Rows as aligned columns."""
+    widths = {key: max(len(key), *(len(f"{row[key]}") for row in rows)) for key in rows[0]}
+    print("  ".join(f"{key:>{width}}" for key, width in widths.items()))
+    for row in rows:
+        print("  ".join(f"{row[key]!s:>{width}}" for key, width in widths.items()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
