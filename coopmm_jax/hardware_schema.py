@@ -14,7 +14,7 @@ from pydantic import Field, Strict, model_validator
 
 from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
-from coopmm_jax.scenario_schema import Finite, NotNegative, Positive, Section, Simulation, _field
+from coopmm_jax.scenario_schema import Finite, NotNegative, Positive, Section, Simulation, quantity
 
 _hardware = parameters.Hardware()
 Samples = Annotated[int, Strict(), Field(ge=0)]
@@ -24,7 +24,7 @@ Limit = Annotated[float, Strict(), Field(gt=0)]  # may be inf
 class Loop(Section):
     """[loop]: how the controller runs."""
 
-    control_period: NotNegative = _field(0.0, "time between samples, torque held; 0: in continuous time [s]")
+    control_period: NotNegative = quantity(0.0, "time between samples, torque held; 0: in continuous time [s]")
 
     def substeps(self, simulation: Simulation) -> int:
         """Integration steps in one control period; 0 in continuous time.
@@ -49,36 +49,38 @@ class Loop(Section):
 class Sensing(Section):
     """[sensing]: what the controller measures; noise and delay need [loop] control_period."""
 
-    force_lag: NotNegative = _field(_hardware.force_lag, "time constant of the force sensor [s]")
-    force_delay: Samples = _field(0, "whole samples by which the measured force is late")
-    force_bias: Finite = _field(_hardware.force_bias, "offset of every measured constraint force [N]")
-    force_noise: NotNegative = _field(_hardware.force_noise, "standard deviation per sample [N]")
-    encoder_noise: NotNegative = _field(_hardware.encoder_noise, "of chained coordinates and joints [rad, m]")
-    velocity_noise: NotNegative = _field(_hardware.velocity_noise, "of independent velocities [rad/s, m/s]")
+    force_lag: NotNegative = quantity(_hardware.force_lag, "time constant of the force sensor [s]")
+    force_delay: Samples = quantity(0, "whole samples by which the measured force is late")
+    force_bias: Finite = quantity(_hardware.force_bias, "offset of every measured constraint force [N]")
+    force_noise: NotNegative = quantity(_hardware.force_noise, "standard deviation per sample [N]")
+    encoder_noise: NotNegative = quantity(_hardware.encoder_noise, "of chained coordinates and joints [rad, m]")
+    velocity_noise: NotNegative = quantity(_hardware.velocity_noise, "of independent velocities [rad/s, m/s]")
 
 
 class Actuators(Section):
     """[actuators]: torque limits, lag and friction of wheels and joints."""
 
-    wheel_limit: Limit = _field(_hardware.wheel_limit, "largest wheel torque [N m]")
-    joint_limit: Limit = _field(_hardware.joint_limit, "largest joint torque [N m]")
-    limit_form: Literal["hard", "smooth"] = _field("hard", "clipped, or smoothly for gradients")
-    lag: NotNegative = _field(_hardware.actuator_lag, "time constant of every actuator [s]")
-    wheel_viscous: NotNegative = _field(_hardware.wheel_viscous, "viscous friction of a wheel [N m s]")
-    joint_viscous: NotNegative = _field(_hardware.joint_viscous, "viscous friction of a joint [N m s]")
-    wheel_coulomb: NotNegative = _field(_hardware.wheel_coulomb, "Coulomb friction of a wheel [N m]")
-    joint_coulomb: NotNegative = _field(_hardware.joint_coulomb, "Coulomb friction of a joint [N m]")
-    friction_speed: Positive = _field(_hardware.friction_speed, "below which Coulomb friction fades [rad/s]")
+    wheel_limit: Limit = quantity(_hardware.wheel_limit, "largest wheel torque [N m]")
+    joint_limit: Limit = quantity(_hardware.joint_limit, "largest joint torque [N m]")
+    limit_form: Literal["hard", "smooth"] = quantity("hard", "clipped, or smoothly for gradients")
+    lag: NotNegative = quantity(_hardware.actuator_lag, "time constant of every actuator [s]")
+    wheel_viscous: NotNegative = quantity(_hardware.wheel_viscous, "viscous friction of a wheel [N m s]")
+    joint_viscous: NotNegative = quantity(_hardware.joint_viscous, "viscous friction of a joint [N m s]")
+    wheel_coulomb: NotNegative = quantity(_hardware.wheel_coulomb, "Coulomb friction of a wheel [N m]")
+    joint_coulomb: NotNegative = quantity(_hardware.joint_coulomb, "Coulomb friction of a joint [N m]")
+    friction_speed: Positive = quantity(_hardware.friction_speed, "below which Coulomb friction fades [rad/s]")
 
 
 class Contact(Section):
     """[contact]: friction of the sliding tip and the motion of the object's surface, unknown to the controller."""
 
-    tip_friction: NotNegative = _field(_hardware.tip_friction, "Coulomb coefficient along the arc [-]")
-    slip_speed: Positive = _field(_hardware.slip_speed, "sliding speed below which it fades [m/s]")
-    surface_amplitude: Finite = _field(_hardware.surface_amplitude, "a of the arc's radius Rc + a sin(w t + phase) [m]")
-    surface_frequency: Finite = _field(_hardware.surface_frequency, "w of the arc's radius [rad/s]")
-    surface_phase: Finite = _field(_hardware.surface_phase, "phase of the arc's radius [rad]")
+    tip_friction: NotNegative = quantity(_hardware.tip_friction, "Coulomb coefficient along the arc [-]")
+    slip_speed: Positive = quantity(_hardware.slip_speed, "sliding speed below which it fades [m/s]")
+    surface_amplitude: Finite = quantity(
+        _hardware.surface_amplitude, "a of the arc's radius Rc + a sin(w t + phase) [m]"
+    )
+    surface_frequency: Finite = quantity(_hardware.surface_frequency, "w of the arc's radius [rad/s]")
+    surface_phase: Finite = quantity(_hardware.surface_phase, "phase of the arc's radius [rad]")
 
 
 class HardwareSections(Section):
