@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 from coopmm_jax import coupling, robot
 from coopmm_jax.actuators import friction_torque, smooth_sign
 from coopmm_jax.components import Scalar, Vector, dot, minus, plus, scaled, sincos
@@ -15,8 +17,22 @@ from coopmm_jax.parameters import Disturbance, Structure
 DRIFT_RATE = 10.0
 
 
+@functools.singledispatch
 def disturbance_torque(disturbance: Disturbance, t: Scalar) -> Vector:
-    """Torque on each of a robot's five actuators [N m]; on the left of (1), so it opposes tau."""
+    """Torque on each of a robot's five actuators (5,) at time t [s] [N m]; on the left of (1), so it opposes tau.
+
+    Another shape of disturbance is a NamedTuple of scalars of your own, in the place of ``Parameters.disturbance``, and
+    a function for it: ``@disturbance_torque.register``.
+
+    >>> from typing import NamedTuple
+    >>> class Push(NamedTuple):
+    ...     force: Scalar = 2.0
+    >>> @disturbance_torque.register
+    ... def _(push: Push, t: Scalar) -> Vector:
+    ...     return (push.force, push.force, 0.0, 0.0, 0.0)
+    >>> disturbance_torque(Push(), 0.0)
+    (2.0, 2.0, 0.0, 0.0, 0.0)
+    """
     wave = disturbance.scale * sincos(disturbance.frequency * t + disturbance.phase)[0]
     wheel, joint = disturbance.wheel * wave, disturbance.joint * wave
     return (wheel, wheel, joint, joint, joint)

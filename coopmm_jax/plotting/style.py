@@ -11,6 +11,7 @@ True
 from __future__ import annotations
 
 import functools
+import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -25,9 +26,10 @@ from coopmm_jax.errors import UserError
 
 WIDTH = 6.4  # [inch]
 DPI = 150
+_NOTEBOOK_DPI = 100
 
 _LEGEND_FONT = 8  # [point]
-RC = {
+_RC = {
     "font.size": 9,
     "hatch.linewidth": 0.6,
     "axes.labelsize": 9,
@@ -55,6 +57,15 @@ REFERENCE = {"color": "0.78", "linewidth": 4.0, "zorder": 1.5}
 FAILURE = {"color": "0.3", "linewidth": 2.5, "linestyle": (0, (0.5, 1))}
 
 
+class _Picture(Figure):
+    """A figure that shows itself in a notebook, where only pyplot's figures would otherwise."""
+
+    def _repr_png_(self) -> bytes:
+        stream = io.BytesIO()
+        save(self, stream, _NOTEBOOK_DPI)
+        return stream.getvalue()
+
+
 def pen(colour: int, dash: int | None = None) -> dict[str, Any]:
     """Line properties by the number of a colour and of a dash pattern, which is the same unless given."""
     dash = colour if dash is None else dash
@@ -66,7 +77,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
     @functools.wraps(draw)
     def under_settings(*args: Any, **kwargs: Any) -> Figure:
-        with matplotlib.rc_context(RC):
+        with matplotlib.rc_context(_RC):
             return draw(*args, **kwargs)
 
     return under_settings
@@ -86,7 +97,7 @@ def panels(
     """
     names = list(dict.fromkeys(name for row in layout for name in row))
     if axes is None:
-        figure = Figure(figsize=(width, height))
+        figure = _Picture(figsize=(width, height))
         by_name = figure.subplot_mosaic([list(row) for row in layout])
         return figure, [by_name[name] for name in names]
     given = [axes] if isinstance(axes, Axes) else list(getattr(axes, "flat", axes))
@@ -130,5 +141,5 @@ def save(figure: Figure, path: str | Path | BinaryIO, dpi: float = DPI) -> None:
     >>> import io
     >>> save(Figure(), io.BytesIO(), dpi=10)
     """
-    with matplotlib.rc_context(RC):
+    with matplotlib.rc_context(_RC):
         figure.savefig(path, dpi=dpi)
