@@ -41,11 +41,11 @@ def flat(gains):
     return np.array(jax.tree.leaves(gains), dtype=float).tolist()
 
 
-def central_differences(function, gains):
+def central_differences(function, gains, relative_step=RELATIVE_STEP):
     leaves, tree = jax.tree.flatten(gains)
     slopes = []
     for i, leaf in enumerate(leaves):
-        step = RELATIVE_STEP * leaf
+        step = relative_step * leaf
         ahead, behind = (
             float(function(jax.tree.unflatten(tree, [*leaves[:i], leaf + sign * step, *leaves[i + 1 :]])))
             for sign in (1, -1)

@@ -9,6 +9,7 @@ from coopmm_jax.parameters import Hardware, Parameters, Structure
 from coopmm_jax.rollout import as_scalars, initial_state
 from coopmm_jax.sampled_loop import Noise, initial_devices, sense
 from coopmm_jax.scenario import load_scenario
+from tests.runs_apart import runs_apart
 
 PERIOD = 1e-4  # short, so that the robots hardly move while torques are held
 LAG = 5e-4
@@ -63,68 +64,61 @@ def test_ideal_sensor_shows_the_force_its_own_torque_causes_with_its_bias(featur
     np.testing.assert_allclose(np.array(rates.memory.force_integral), expected, rtol=0, atol=1e-12)
 
 
-def test_sensor_in_the_loop_follows_the_contact_forces(programs):
+LAG_BOUND = (1.0 + KEEP) / (1.0 - KEEP)
+LOOPS = {  # name -> structure, force lag [s], gain, factor of the force's error from one sample to the next
+    **{f"delay {gain}": (DELAYED, 0.0, gain, -gain) for gain in (0.99, 1.01, -0.99, -1.01)},
+    **{
+        f"lag {name}": (SENSED, LAG, gain, KEEP - (1.0 - KEEP) * gain)
+        for name, gain in {
+            "0.99": 0.99 * LAG_BOUND,
+            "1.01": 1.01 * LAG_BOUND,
+            "-0.99": -0.99,
+            "-1.01": -1.01,
+        }.items()
+    },
+}
+STEPS = 300
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """`sensed`, and each of LOOPS with a desired contact force of 15 and of 16 N and no integral gain."""
+    paper, jobs = Parameters(), {"sensed": (SENSED, load_scenario("sensed").parameters(), 1e-3, 500)}
+    for name, (structure, lag, gain, _) in LOOPS.items():
+        gains = paper.gains._replace(K_lambda=(gain,) * 4, K_I=(0.0,) * 4)
+        for wanted in (15.0, 16.0):
+            reference = paper.reference._replace(contact_force=wanted)
+            parameters = paper._replace(gains=gains, reference=reference, hardware=Hardware(force_lag=lag))
+            jobs[name, wanted] = (structure, parameters, PERIOD, STEPS)
+    return runs_apart(jobs)
+
+
+def test_sensor_in_the_loop_follows_the_contact_forces(runs):
     """What the controller took in, from the steps of its integral, is the lag of the recorded forces."""
-    parameters = load_scenario("sensed").parameters()
-    signals = programs(SENSED)(parameters, 1e-3, 500).signals
+    signals, period = runs["sensed"].signals, 1e-3
     desired = np.array(signals.constraint_force) - np.array(signals.force_error)
-    taken_in = desired[:, :-1] + np.diff(np.array(signals.memory.force_integral)) / 1e-3
-    keep, expected = np.exp(-1e-3 / parameters.hardware.force_lag), [np.zeros(4)]
+    taken_in = desired[:, :-1] + np.diff(np.array(signals.memory.force_integral)) / period
+    keep, expected = np.exp(-period / 5e-3), [np.zeros(4)]
     for force in np.array(signals.constraint_force).T[:-2]:
         expected.append(keep * expected[-1] + (1 - keep) * force)
     np.testing.assert_allclose(taken_in.T, expected, rtol=0, atol=1e-10)
 
 
-def response(program, gain, lag, steps=300):
-    """Change of the four constraint forces (4, steps + 1) when one newton more is wanted of the contact."""
+@pytest.mark.parametrize("loop", LOOPS)
+def test_force_loop_is_stable_exactly_within_its_bounds(runs, loop):
+    """One sample of delay: |K_lambda| < 1. Sampled lag: |a - (1 - a) K_lambda| < 1, so -1 < K < (1 + a) / (1 - a).
 
-    def forces(wanted):
-        paper = Parameters()
-        parameters = paper._replace(
-            gains=paper.gains._replace(K_lambda=(gain,) * 4, K_I=(0.0,) * 4),
-            reference=paper.reference._replace(contact_force=wanted),
-            hardware=Hardware(force_lag=lag),
-        )
-        run = program(parameters, PERIOD, steps)
-        assert run.health.status == 0
-        return np.array(run.signals.constraint_force)
-
-    return forces(16.0) - forces(15.0)
-
-
-def check_force_loop(change, gain, eigenvalue):
-    """From a sensor that shows nothing yet, the normal force is K eigenvalue^k off its new value at sample k.
-
-    The closed form of lambda = ... + lambda_d - K (shown - lambda_d) with the sensor's recursion. The torque that is
-    held between samples presses along the last sample's normal, hence the tolerance.
+    When one newton more is wanted and the sensor has not seen anything yet, the normal force at sample k is
+    K factor^k off its new value: the closed form of lambda = ... - K (shown - lambda_d) with the sensor's recursion.
+    Torque held between samples presses along the last sample's normal, hence the tolerance.
     """
-    off = gain * eigenvalue ** np.arange(change.shape[1])
+    _, _, gain, factor = LOOPS[loop]
+    assert runs[loop, 15.0].health.status == runs[loop, 16.0].health.status == 0
+    change = np.subtract(*(np.array(runs[loop, wanted].signals.constraint_force) for wanted in (16.0, 15.0)))
+    off = gain * factor ** np.arange(STEPS + 1)
     np.testing.assert_allclose(change[0] - 1.0, off, rtol=0, atol=1e-5 * np.abs(off).max())
     assert np.abs(change[1:]).max() < 1e-5 * np.abs(off).max()
 
-
-@pytest.mark.parametrize("gain", [0.99, 1.01, -0.99, -1.01])
-def test_one_sample_of_delay_is_stable_exactly_below_gain_one(programs, gain):
-    change = response(programs(DELAYED), gain, 0.0)
-    check_force_loop(change, gain, -gain)
     grown = abs(change[0, -1] - 1.0) / abs(change[0, 0] - 1.0)
-    assert (grown < 0.06) == (abs(gain) < 1.0)
-    assert (grown > 15.0) == (abs(gain) > 1.0)
-
-
-@pytest.mark.parametrize("fraction", [0.99, 1.01])
-def test_sampled_lag_is_stable_exactly_below_its_gain(programs, fraction):
-    """|a - (1 - a) K| < 1: K < (1 + a) / (1 - a)."""
-    gain = fraction * (1.0 + KEEP) / (1.0 - KEEP)
-    change = response(programs(SENSED), gain, LAG)
-    check_force_loop(change, gain, KEEP - (1.0 - KEEP) * gain)
-    grown = abs(change[0, -1] - 1.0) / abs(change[0, 0] - 1.0)
-    assert (grown < 0.06) == (fraction < 1.0)
-    assert (grown > 15.0) == (fraction > 1.0)
-
-
-@pytest.mark.parametrize("gain", [-0.99, -1.01])
-def test_sampled_lag_is_stable_exactly_above_gain_minus_one(programs, gain):
-    change = response(programs(SENSED), gain, LAG)
-    check_force_loop(change, gain, KEEP - (1.0 - KEEP) * gain)
-    assert (abs(change[0, -1] - 1.0) < abs(change[0, 0] - 1.0)) == (gain > -1.0)
+    assert grown == pytest.approx(abs(factor) ** STEPS, rel=5e-5)
+    assert (grown < 1.0) == ("0.99" in loop)

@@ -17,6 +17,7 @@ from coopmm_jax.rollout import as_scalars, initial_state
 from coopmm_jax.sampled_loop import draw_noise, sampled_step
 from coopmm_jax.scenario import load_scenario
 from tests.oracles import lagrangian
+from tests.runs_apart import runs_apart
 from tests.samples import poses
 
 PAPER = Parameters()
@@ -39,31 +40,39 @@ def orders(sizes, runs, exact):
     return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
 
 
+STEPS = (1000, 2000, 4000)  # control periods in the horizon
+LAGS = (1e-3, 5e-4, 2.5e-4)  # [s]
+SHARES = ((1.0, 0.1), (0.1, 1.0))  # of the lag, for force sensor and actuators
+
+
 @pytest.fixture(scope="module")
-def continuous(programs):
-    """The ideal loop in continuous time, with an integration error far below what is compared with it."""
-    return programs(Structure())(PAPER, HORIZON / 20_000, 20_000)
+def runs():
+    """Those of a finite control period and lag, and the ideal loop, integrated so finely that only that counts."""
+    fine = (HORIZON / 20_000, 20_000)
+    jobs = {"ideal": (Structure(), PAPER, *fine)} | {n: (SAMPLED, PAPER, HORIZON / n, n) for n in STEPS}
+    for share in SHARES:
+        for lag in LAGS:
+            hardware = Hardware(force_lag=share[0] * lag, actuator_lag=share[1] * lag)
+            jobs[share, lag] = (LAGGING, PAPER._replace(hardware=hardware), *fine)
+    return runs_apart(jobs)
 
 
-def test_continuous_loop_is_the_limit_of_short_control_periods(programs, continuous):
+def test_ideal_loop_is_the_limit_of_short_control_periods(runs):
     """Order one: torque is held and the controller's memory makes Euler steps."""
-    steps = np.array([1000, 2000, 4000])
-    runs = [programs(SAMPLED)(PAPER, HORIZON / n, n) for n in steps.tolist()]
-    assert orders(HORIZON / steps, runs, continuous) == pytest.approx([1.0] * 3, abs=0.05)
+    found = orders(1.0 / np.array(STEPS), [runs[n] for n in STEPS], runs["ideal"])
+    assert found == pytest.approx([1.0] * 3, abs=0.03)
 
 
-@pytest.mark.parametrize(("force_lag", "actuator_lag"), [(1.0, 0.1), (0.1, 1.0)])
-def test_ideal_loop_is_the_limit_of_short_lags(programs, continuous, force_lag, actuator_lag):
-    lags = np.array([1e-3, 5e-4, 2.5e-4])
-    runs = [
-        programs(LAGGING)(
-            PAPER._replace(hardware=Hardware(force_lag=force_lag * lag, actuator_lag=actuator_lag * lag)),
-            HORIZON / 20_000,
-            20_000,
-        )
-        for lag in lags.tolist()
-    ]
-    assert orders(lags, runs, continuous) == pytest.approx([1.0] * 3, abs=0.05)
+@pytest.mark.parametrize("share", SHARES, ids=["force", "actuators"])
+def test_ideal_loop_is_the_limit_of_short_lags(runs, share):
+    found = orders(LAGS, [runs[share, lag] for lag in LAGS], runs["ideal"])
+    assert found == pytest.approx([1.0] * 3, abs=0.05)
+
+
+def test_force_integral_makes_one_euler_step_per_sample(runs):
+    run = runs[STEPS[0]]
+    integral, errors = np.array(run.signals.memory.force_integral), np.array(run.signals.force_error)
+    np.testing.assert_allclose(np.diff(integral), HORIZON / STEPS[0] * errors[:, :-1], rtol=0, atol=1e-14)
 
 
 NOW = 0.3  # [s]
@@ -115,13 +124,6 @@ def test_hold_keeps_the_first_signals_and_passes_time_on():
     state, signals = rk4_hold(lambda t, x: (4.0 * t**3, (t, x)), 1.0, 0.5, 4, jnp.asarray(2.0))
     assert state == pytest.approx(2.0 + 3.0**4 - 1.0, rel=1e-15)
     assert tuple(map(float, signals)) == (1.0, 2.0)
-
-
-def test_force_integral_makes_one_euler_step_per_sample(programs):
-    period, run = 1e-3, programs(SAMPLED)(PAPER, 1e-3, 500)
-    integral = np.array(run.signals.memory.force_integral)
-    errors = np.array(run.signals.force_error)
-    np.testing.assert_allclose(np.diff(integral), period * errors[:, :-1], rtol=0, atol=1e-14)
 
 
 @pytest.fixture(scope="module")

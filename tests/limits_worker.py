@@ -1,0 +1,61 @@
+"""Gradients of a sampled loop's cost under torque limits, and central differences, as JSON; run by test_actuators.py.
+
+In a process of its own, for the reason that ``gradient_worker`` gives.
+"""
+
+import json
+
+import jax
+import jax.numpy as jnp
+
+from coopmm_jax import runtime
+from coopmm_jax.rollout import Observer, Plan, rollout
+from coopmm_jax.scenario import load_scenario
+from tests.gradient_worker import central_differences, flat
+
+LIMIT = {"wheel": 20.0, "joint": 4.0}  # [N m], low enough that much of the start is spent at them
+STEP, STEPS = 1e-3, 500
+NAMES = ("K_I", "K_lambda", "K_sigma", "k1")
+RELATIVE_STEP = 1e-5  # of central differences: small enough that hardly a sample passes a hard limit's corner
+FORMS = ("hard", "smooth")
+
+
+def sample_cost(total, t, signals):
+    """Mean square of force errors [N^2] and sigma, and the largest torque as a share of its actuator's limit."""
+    cost, largest = total
+    error = sum(e**2 for e in signals.force_error) + 100.0 * sum(s**2 for s in signals.sigma)
+    for robot in signals.torque:
+        for torque, kind in zip(robot, ("wheel",) * 2 + ("joint",) * 3, strict=True):
+            largest = jnp.maximum(largest, jnp.abs(torque) / LIMIT[kind])
+    return cost + error / STEPS, largest
+
+
+def results_with(form):
+    """Cost, largest share of a limit, gradient and central differences (the numbers of NAMES) with a form of limits."""
+    actuators = {f"{kind}_limit": limit for kind, limit in LIMIT.items()}
+    scenario = load_scenario("sensed", actuators=actuators | {"limit_form": form})
+    parameters = scenario.parameters()
+    observer = Observer((jnp.zeros(()), jnp.zeros(())), sample_cost)
+
+    def cost(gains, checkpoint):
+        own = parameters._replace(gains=parameters.gains._replace(**gains))
+        plan = Plan.covering(STEPS, 50, checkpoint)
+        return rollout(scenario.structure(), own, STEP, STEPS, plan, observer).total
+
+    gains = {name: getattr(parameters.gains, name) for name in NAMES}
+    reverse = jax.jit(jax.value_and_grad(lambda x: cost(x, True), has_aux=True))
+    plain = jax.jit(lambda x: cost(x, False)[0])
+    (value, largest), gradient = reverse(gains)
+    central = central_differences(plain, gains, RELATIVE_STEP)
+    return {"cost": float(value), "largest": float(largest), "gradient": flat(gradient), "central": central}
+
+
+def main():
+    """Print ``results_with`` each form of limits."""
+    runtime.use_fast_compilation()
+    jax.config.update("jax_enable_x64", True)
+    print(json.dumps({form: results_with(form) for form in FORMS}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""Friction and the moving surface of the real loop, on arrays and from the bodies' positions.
+
+Both robots together: q (2, 6), u (10,) = robot I's u followed by robot II's, actuator torques (2, 5).
+
+>>> import numpy as np
+>>> from coopmm_jax.parameters import Hardware
+>>> friction_torque(Hardware(wheel_viscous=2.0, joint_coulomb=3.0), np.full((2, 5), 4.0)).round(3)[0].tolist()
+[8.0, 8.0, 3.0, 3.0, 3.0]
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coopmm_jax.parameters import Disturbance, Hardware, Parameters, Plant, Scalar
+from tests.oracles import lagrangian
+
+
+def _per_actuator(wheel: Scalar, joint: Scalar) -> jax.Array:
+    return jnp.array([wheel, wheel, joint, joint, joint])
+
+
+def _fading_sign(x: jax.Array, width: Scalar) -> jax.Array:
+    return jnp.sin(jnp.arctan(x / width))
+
+
+def friction_torque(hardware: Hardware, rates: jax.Array) -> jax.Array:
+    """Viscous and Coulomb friction [N m] at the actuators' rates (..., 5) [rad/s]."""
+    viscous = _per_actuator(hardware.wheel_viscous, hardware.joint_viscous)
+    coulomb = _per_actuator(hardware.wheel_coulomb, hardware.joint_coulomb)
+    return viscous * rates + coulomb * _fading_sign(rates, hardware.friction_speed)
+
+
+def disturbance_torque(disturbance: Disturbance, t: Scalar) -> jax.Array:
+    """Torque that opposes the actuators (5,) [N m]."""
+    wave = disturbance.scale * jnp.sin(disturbance.frequency * t + disturbance.phase)
+    return wave * _per_actuator(disturbance.wheel, disturbance.joint)
+
+
+def sliding_speed(plant: Plant, q: jax.Array, u: jax.Array) -> jax.Array:
+    """Speed of tip I against the object's surface, which turns with arm II, along the arc [m/s].
+
+    Times (distance from the arc's centre) / Rc, as the normal row's gradient is.
+    """
+
+    def tip(geometry: object, q: jax.Array, u: jax.Array) -> tuple[jax.Array, jax.Array]:
+        return jax.jvp(lambda q: lagrangian.bodies(geometry, q).tip[:2], (q,), (lagrangian.chained_basis(q) @ u,))
+
+    (p1, v1), (p2, v2) = map(tip, plant.geometry, q, u.reshape(2, 5))
+    yaw, Rc = q[1, 2] + q[1, 3], plant.surface.contact_radius
+    D = p1 - p2 + Rc * jnp.stack([-jnp.sin(yaw), jnp.cos(yaw)])
+    quarter = jnp.array([[0.0, -1.0], [1.0, 0.0]])
+    against_surface = v1 - v2 - (u[5] + u[7]) * quarter @ (p1 - p2)
+    return against_surface @ quarter @ D / Rc
+
+
+def tip_friction(plant: Plant, hardware: Hardware, q: jax.Array, u: jax.Array, normal: Scalar) -> jax.Array:
+    """Generalised force (10,) of Coulomb friction under the normal force lambda_n [N]."""
+    speed, row = jax.value_and_grad(lambda u: sliding_speed(plant, q, u))(u)
+    return -hardware.tip_friction * jnp.abs(normal) * _fading_sign(speed, hardware.slip_speed) * row
+
+
+def surface_rates(plant: Plant, hardware: Hardware, t: Scalar) -> tuple[jax.Array, jax.Array]:
+    """First and second partial time derivative of the normal row's phi [m/s, m/s^2]."""
+
+    def phi(t: Scalar) -> jax.Array:
+        angle = hardware.surface_frequency * t + hardware.surface_phase
+        radius = plant.surface.contact_radius + hardware.surface_amplitude * jnp.sin(angle)
+        return radius**2 / (2 * plant.surface.contact_radius)
+
+    rate = jax.grad(phi)
+    return rate(t), jax.grad(rate)(t)
+
+
+def driving_force(
+    parameters: Parameters, t: Scalar, q: jax.Array, u: jax.Array, torque: jax.Array, normal: Scalar
+) -> jax.Array:
+    """Generalised force (10,) of actuators, disturbance and all friction; constraint forces and gravity left out."""
+    plant, hardware = parameters.plant, parameters.hardware
+    force = []
+    for geometry, q_i, u_i, torque_i in zip(plant.geometry, q, u.reshape(2, 5), torque, strict=True):
+        B = lagrangian.input_matrix(geometry, q_i)
+        losses = disturbance_torque(parameters.disturbance, t) + friction_torque(hardware, B.T @ u_i)
+        force.append(B @ (torque_i - losses))
+    return jnp.concatenate(force) + tip_friction(plant, hardware, q, u, normal)
+
+
+@jax.jit
+def power(
+    parameters: Parameters, t: Scalar, q: jax.Array, u: jax.Array, torque: jax.Array, normal: Scalar
+) -> jax.Array:
+    """What enters the robots' energy [W]: besides the driving force only the moving surface, -lambda_n dphi/dt."""
+    rate, _ = surface_rates(parameters.plant, parameters.hardware, t)
+    return driving_force(parameters, t, q, u, torque, normal) @ u - normal * rate
+
+
+@jax.jit
+def energy(plant: Plant, q: jax.Array, u: jax.Array) -> jax.Array:
+    """Kinetic and potential energy of both robots and the object [J]."""
+    terms = zip(plant.geometry, plant.inertia, q, u.reshape(2, 5), strict=True)
+    return sum(lagrangian.energy(geometry, inertia, plant.gravity, q_i, u_i) for geometry, inertia, q_i, u_i in terms)
+
+
+def constraint_residual(
+    parameters: Parameters,
+    rows: tuple[str, ...],
+    t: float,
+    q: np.ndarray,
+    u: np.ndarray,
+    torque: np.ndarray,
+    lam: np.ndarray,
+) -> np.ndarray:
+    """d2phi/dt2 (m,) [m/s^2] under applied torques (2, 5) and multipliers (m,): zero if they belong together."""
+    terms = lagrangian.coupled_terms(parameters.plant, rows, q, u)
+    force = np.asarray(driving_force(parameters, t, q, u, torque, lam[0])) + terms.J.T @ lam
+    acceleration = terms.J @ np.linalg.solve(terms.M, force - terms.h) + terms.J_dot_u
+    acceleration[0] += float(surface_rates(parameters.plant, parameters.hardware, t)[1])
+    return acceleration

@@ -1,0 +1,38 @@
+"""Rollouts in a process of their own, where XLA's multi-output fusion compiles them several times faster.
+
+Of their own, because that option may abort a process that also compiles other code, like the oracles
+(see ``runtime.use_fast_compilation``).
+"""
+
+import functools
+import os
+import pickle
+import subprocess
+import sys
+
+import jax
+
+from coopmm_jax import runtime
+from tests.programs import Program
+
+
+def runs_apart(jobs):
+    """``Run`` of each of a mapping's (structure, parameters, step, steps), under the same keys."""
+    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
+    command = [sys.executable, "-m", __name__]
+    done = subprocess.run(command, input=pickle.dumps(jobs), env=environment, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    return pickle.loads(done.stdout)
+
+
+def main():
+    """Jobs from the standard input, runs to the standard output."""
+    runtime.use_fast_compilation()
+    jax.config.update("jax_enable_x64", True)
+    programs = functools.cache(Program)
+    jobs = pickle.load(sys.stdin.buffer)
+    pickle.dump({name: programs(structure)(*job) for name, (structure, *job) in jobs.items()}, sys.stdout.buffer)
+
+
+if __name__ == "__main__":
+    main()
