@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -68,6 +69,40 @@ def write_run(folder: Path, scenario: Scenario, trajectory: Trajectory) -> None:
     arrays = {name: value for name, value in vars(trajectory).items() if isinstance(value, np.ndarray)}
     np.savez(folder / "trajectory.npz", **arrays)
     write_json(folder / "summary.json", summary(scenario, trajectory))
+
+
+def read_run(folder: str | Path) -> Trajectory:
+    """The run that ``write_run`` has written into a folder, as ``coopmm simulate --out`` does.
+
+    Raises:
+        UserError: the folder does not hold a run, or one of another version.
+
+    >>> import tempfile
+    >>> import coopmm_jax as cm
+    >>> run = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01}))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_run(Path(folder), run.scenario, run)
+    ...     read_run(folder)
+    <Trajectory: 11 samples to 0.01 s, float64, OK>
+    """
+    from coopmm_jax.scenario import load_scenario
+    from coopmm_jax.status import Status  # imports JAX, as does the next
+    from coopmm_jax.trajectory import ARRAYS, Trajectory
+
+    folder = Path(folder).expanduser()
+    try:
+        with np.load(folder / "trajectory.npz") as saved:
+            arrays = {name: saved[name] for name in ARRAYS}
+        about = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        return Trajectory(
+            **arrays,
+            status=Status[about["status"]],
+            status_time=about["status_time"],
+            metrics={name: math.nan if value is None else value for name, value in about["metrics"].items()},
+            scenario=load_scenario(folder / "scenario.toml"),
+        )
+    except (OSError, KeyError, ValueError, BadZipFile) as error:
+        raise UserError("run", "a folder that coopmm simulate --out has written", f"{folder} ({error})") from None
 
 
 def summary(scenario: Scenario, trajectory: Trajectory) -> dict[str, Any]:
