@@ -1,0 +1,91 @@
+"""``coopmm animate``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import coopmm_jax
+from coopmm_jax.commands import DONE, ROLLOUT_FAILED
+from coopmm_jax.commands.fields import OVERRIDES
+from coopmm_jax.errors import UserError
+from coopmm_jax.scenario import Scenario, list_scenarios, load_scenario
+from coopmm_jax.store import read_run, result_folder
+
+if TYPE_CHECKING:
+    from coopmm_jax.trajectory import Trajectory
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    parser = commands.add_parser(
+        "animate",
+        help="show a run, or two side by side, as a GIF, a web page or a film",
+        usage=f"coopmm animate (SCENARIO | DIR) --out FILE [--against (SCENARIO | DIR)] {OVERRIDES} [options]",
+        epilog="Overrides change SCENARIO; those of [simulation] also the scenario of --against. "
+        "coopmm simulate --help lists them.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("shown", metavar="SCENARIO|DIR", help="a scenario, or a folder of coopmm simulate --out")
+    parser.add_argument("--out", metavar="FILE", required=True, help="a .gif, .html or .mp4 (needs ffmpeg) file")
+    parser.add_argument("--against", metavar="SCENARIO|DIR", help="another run, to show beside it")
+    parser.add_argument("--fps", type=float, default=25.0, help="frames per second (%(default)g)")
+    parser.add_argument("--speed", type=float, default=1.0, help="simulated seconds per second (%(default)g)")
+    parser.add_argument("--width", type=int, default=800, help="of the picture, in pixels (%(default)d)")
+    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
+
+
+def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
+    """Simulate or load what is to be shown, and write the animation."""
+    from coopmm_jax import animation  # imports matplotlib
+
+    path = Path(options.out).expanduser()
+    write, look = animation.writer(path), {"fps": options.fps, "speed": options.speed, "width": options.width}
+    animation.check_look(**look, count=1 if options.against is None else 2)
+    shown = _shown(options, changes)
+    with result_folder(path.parent) as folder:
+        runs = {label: _trajectory(source) for label, source in shown.items()}
+        frames = animation.Animation(*runs.values(), labels=list(runs) if len(runs) > 1 else None, **look)
+        write(frames, folder / path.name)
+    print(f"written to {options.out}: {len(frames)} frames")
+    return _outcome(runs)
+
+
+def _shown(options: argparse.Namespace, changes: dict[str, Any]) -> dict[str, Scenario | Path]:
+    """What to show, by what it is called in the picture: scenarios to simulate, folders to read."""
+    common = {name: value for name, value in changes.items() if name.startswith("simulation.")}
+    own = {name: value for name, value in changes.items() if name not in common}
+    folder = _folder(options.shown)
+    second = None if options.against is None else _folder(options.against) or load_scenario(options.against, **common)
+    unused = own if isinstance(second, Scenario) else changes
+    if folder is not None and unused:
+        raise UserError(f"--{next(iter(unused))}", "given with a scenario to simulate", f"given with {folder}")
+    label = ", ".join([_name(options.shown), *(f"{name} {value}" for name, value in own.items())])
+    shown = {label: folder or load_scenario(options.shown, **changes)}
+    if second is None:
+        return shown
+    other = _name(options.against)
+    return shown | {other if other != label else f"{other} (--against)": second}
+
+
+def _folder(name: str) -> Path | None:
+    """The folder of results that is meant, unless it is a scenario; a shipped scenario goes before a folder."""
+    return Path(name) if Path(name).is_dir() and name not in list_scenarios() else None
+
+
+def _name(shown: str) -> str:
+    return Path(shown).name.removesuffix(".toml")
+
+
+def _trajectory(source: Scenario | Path) -> Trajectory:
+    return read_run(source) if isinstance(source, Path) else coopmm_jax.simulate(source)
+
+
+def _outcome(runs: dict[str, Trajectory]) -> int:
+    failed = {label: run for label, run in runs.items() if not run.ok}
+    for label, run in failed.items():
+        ending = f"{run.status.name} at t = {run.status_time:g} s: {run.status.message}"
+        print(f"coopmm: rollout {label} failed: {ending}", file=sys.stderr)
+    return ROLLOUT_FAILED if failed else DONE

@@ -1,0 +1,340 @@
+"""Animations: what is where in a frame, files that play, and what happens to input that cannot be shown."""
+
+import base64
+import dataclasses
+import io
+import itertools
+import json
+import re
+import sys
+import time
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+import coopmm_jax as cm
+from coopmm_jax import movie
+from coopmm_jax.animation import Animation, animate
+from coopmm_jax.cli import main
+from coopmm_jax.plotting import scene, stage
+from coopmm_jax.plotting.lines import runs
+from coopmm_jax.plotting.skeleton import placed, skeleton
+from coopmm_jax.store import write_run
+
+PULLED = tuple(round(255 * part) for part in to_rgb(scene.PULLS["edgecolor"]))
+
+
+@pytest.fixture(scope="module")
+def run():
+    """The paper's start, in which the contact is lost: it presses at 0 s and pulls at 0.08 s."""
+    return cm.simulate(cm.load_scenario("paper", simulation={"duration": 1.0}))
+
+
+@pytest.fixture(scope="module")
+def failed(run):
+    trajectory = cm.simulate(run.scenario.with_overrides({"gains.beta": 126.7, "gains.lam_min": 0.63}))
+    assert not trajectory.ok
+    return trajectory
+
+
+@pytest.fixture(scope="module")
+def animation(run):
+    return Animation(run, width=480)
+
+
+def shortened(run, samples):
+    """The first samples of a run."""
+    arrays = {
+        name: value[:samples]
+        for name, value in vars(run).items()
+        if isinstance(value, np.ndarray) and len(value) == len(run.t)
+    }
+    return dataclasses.replace(run, **arrays)
+
+
+def pixels(picture, colour, within=0):
+    """How many pixels of a picture have a colour, as the colour itself or but for some of 255 in each channel."""
+    return int((np.abs(picture - np.array(colour)) <= within).all(axis=-1).sum())
+
+
+def words(views, k):
+    """What the readouts say at frame k."""
+    readouts = [view for view in views if isinstance(view, stage.Readout)]
+    for readout in readouts:
+        readout.show(k)
+    return [readout.cast.artists[0].get_text() for readout in readouts]
+
+
+def test_joints_end_where_the_simulation_has_the_tips(run):
+    s = skeleton(run, np.arange(len(run.t)))
+    np.testing.assert_allclose(s.joints[:, :, 3], run.tip, rtol=0, atol=1e-14)
+    lengths = np.linalg.norm(np.diff(s.joints, axis=2), axis=-1)
+    np.testing.assert_allclose(lengths, np.broadcast_to([1.0, 0.5, 0.5], lengths.shape), rtol=1e-14)
+
+
+def test_contact_lies_on_the_arc_and_its_normal_points_out_of_it(run):
+    s = skeleton(run, np.arange(len(run.t)))
+    to_contact = run.tip[:, 0, :2] - s.centre
+    np.testing.assert_allclose(np.hypot(*to_contact.T), 0.7, rtol=1e-9)
+    np.testing.assert_allclose(s.normal, to_contact / 0.7, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.radius, 0.7, rtol=1e-9)
+    np.testing.assert_array_equal(s.force, run.constraint_force[:, 0])
+
+
+def test_robots_should_be_on_the_papers_circles(run):
+    s = skeleton(run, np.arange(len(run.t)))
+    circles = np.array([2.4, 1.0])[:, None] * np.stack([np.cos(run.t), np.sin(run.t)], axis=-1)[:, None]
+    np.testing.assert_allclose(s.desired, circles, rtol=0, atol=1e-14)
+
+
+def test_outlines_turn_with_the_platform():
+    ahead = placed(np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([2.0, 3.0]), np.array([-np.sin(0.3), np.cos(0.3)]))
+    lateral = [2.0 + np.cos(0.3), 3.0 + np.sin(0.3)]  # model.md: (cos th, sin th)
+    np.testing.assert_allclose(ahead, [[2.0 - np.sin(0.3), 3.0 + np.cos(0.3)], lateral], rtol=1e-15)
+
+
+def arrow_at(view, k):
+    view.show(k)
+    polygon = view.cast.artists[-1]
+    tail, tip = polygon.get_xy()[[0, 6]].mean(axis=0), polygon.get_xy()[3]
+    return polygon, tip - tail, tail
+
+
+def test_arrow_presses_on_the_object_or_pulls_it_back(run):
+    group, times = runs([run], None), np.array([0.0, 0.08])
+    above, side, *_ = stage.stage(group, times, 480)[1]
+    s = skeleton(run, stage.instants(run.t, times))
+    assert s.force[0] > 0 > s.force[1]
+    for k, length in ((0, scene.ARROW * s.force[0] / 15.0), (1, -scene.LONGEST_ARROW)):
+        polygon, arrow, tail = arrow_at(above, k)
+        np.testing.assert_allclose(arrow, length * s.normal[k], rtol=1e-9)
+        np.testing.assert_allclose(tail, s.joints[k, 0, 3, :2], rtol=1e-12)
+        assert (polygon.get_hatch() is None) == (length > 0)
+        _, arrow, _ = arrow_at(side, k)
+        np.testing.assert_allclose(arrow, [length * s.normal[k] @ s.along[k], 0.0], rtol=1e-9, atol=1e-12)
+        assert arrow[0] * length > 0  # robot I is on the left and presses to the right
+
+
+def test_frames_follow_the_clock(run):
+    assert len(Animation(run, width=400)) == 26
+    assert Animation(run, fps=10, speed=0.5, width=400).times.tolist() == pytest.approx(np.arange(21) * 0.05)
+    assert stage.instants(run.t, np.array([0.0, 0.04, 0.0405, 1.0, 3.0])).tolist() == [0, 40, 40, 1000, 1000]
+    assert stage.instants(run.t.astype(np.float32), np.arange(26) * 0.04).tolist() == list(range(0, 1001, 40))
+
+
+def test_a_frame_does_not_depend_on_those_drawn_before(run, animation):
+    first = animation.picture(2)
+    assert (first.dtype, first.shape[1:]) == (np.uint8, (480, 3))
+    assert not np.array_equal(animation.picture(20), first)
+    np.testing.assert_array_equal(animation.picture(2), first)
+    np.testing.assert_array_equal(Animation(run, width=480).picture(2), first)
+
+
+def test_pulling_has_a_colour_of_its_own(animation):
+    still = pixels(animation.picture(0), PULLED, within=30)  # in the strip over time
+    assert pixels(animation.picture(2), PULLED, within=30) > still + 50
+
+
+def test_time_and_force_are_told(run):
+    _, views = stage.stage(runs([run], None), np.array([0.0, 0.08]), 480)
+    force = run.constraint_force[[0, 80], 0]
+    assert words(views, 0) == ["t = 0.00 s", f"contact force {force[0]:.1f} N"]
+    assert words(views, 1) == ["t = 0.08 s", f"contact force {force[1]:.1f} N: pulls"]
+
+
+def test_runs_that_end_before_the_other_say_so(run, failed):
+    times = np.array([0.0, 0.3, 1.0])
+    group = runs([run, shortened(run, 201), failed], ["whole", "short", "failed"])
+    _, views = stage.stage(group, times, 900)
+    assert words(views, 1)[::2] == ["t = 0.30 s", "ended at 0.20 s", f"SPEED at {failed.status_time:g} s"]
+    assert words(views, 0)[::2] == ["t = 0.00 s"] * 3
+
+
+def test_run_that_fails_shows_it_in_its_last_frame(failed):
+    animation = Animation(failed, width=400)
+    assert len(animation) == 1
+    assert pixels(animation.picture(0), PULLED, within=30) > 50
+
+
+@pytest.mark.parametrize("width", [400, 480, 800])
+@pytest.mark.parametrize("count", [1, 2])
+def test_nothing_overlaps(width, count, run):
+    """Views with their labels and words stay apart and inside the picture."""
+    width = max(width, 240 * count)
+    figure, views = stage.stage(runs([run] * count, ["one run", "another"][:count]), np.array([0.0, 1.0]), width)
+    for view in views:
+        view.show(0)
+        for artist in view.cast.artists:
+            artist.set_animated(False)  # animated artists have no part in a layout
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    boxes = [axes.get_tightbbox(renderer) for axes in figure.axes]
+    for one, other in itertools.combinations(boxes, 2):
+        assert one.x1 <= other.x0 + 1 or other.x1 <= one.x0 + 1 or one.y1 <= other.y0 + 1 or other.y1 <= one.y0 + 1
+    for box in boxes:
+        assert min(box.x0, box.y0) >= -1
+        assert (box.x1 <= width + 1, box.y1 <= figure.bbox.y1 + 1) == (True, True)
+
+
+def test_gif_plays_as_long_as_the_run_in_its_own_colours(run, animation, tmp_path):
+    animate(run, path=tmp_path / "run.gif", width=480)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.gif"]
+    with Image.open(tmp_path / "run.gif") as gif:
+        assert gif.n_frames == len(animation) == 26
+        assert gif.info["loop"] == 0
+        durations, differences = [], []
+        for k in range(gif.n_frames):
+            gif.seek(k)
+            durations.append(gif.info["duration"])
+            shown = np.asarray(gif.convert("RGB"))
+            differences.append(np.abs(shown - animation.picture(k).astype(int)).mean())
+            if k == 2:
+                assert pixels(shown, PULLED) >= pixels(animation.picture(k), PULLED) > 0
+                assert pixels(shown, (255, 255, 255)) > 0.5 * shown[..., 0].size
+    assert durations == [40] * 25 + [40 + 1000 * movie.PAUSE]
+    assert max(differences) < 1.5
+    assert (tmp_path / "run.gif").stat().st_size < 26 * 10_000
+
+
+def test_gif_keeps_time_at_rates_its_clock_does_not_have(run, tmp_path):
+    animate(run, path=tmp_path / "run.gif", width=400, fps=30)
+    with Image.open(tmp_path / "run.gif") as gif:
+        total = 0
+        for k in range(gif.n_frames):
+            gif.seek(k)
+            total += gif.info["duration"]
+    assert total == pytest.approx(31 / 30 * 1000 + 1000 * movie.PAUSE, abs=5)
+
+
+def test_page_holds_every_frame_and_needs_nothing_else(run, animation, tmp_path):
+    animate(run, path=tmp_path / "run.html", width=480)
+    page = (tmp_path / "run.html").read_text(encoding="utf-8")
+    assert not re.search(r"https?:|src=|href=|\$[A-Z]", page)
+    frames = json.loads(re.search(r"const frames = (\[.*?\]), fps = 25;", page)[1])
+    assert len(frames) == 26
+    with Image.open(io.BytesIO(base64.b64decode(frames[2]))) as png:
+        shown = np.asarray(png.convert("RGB"))
+    assert np.abs(shown - animation.picture(2).astype(int)).mean() < 1.5
+
+
+@pytest.fixture
+def ffmpeg(monkeypatch, tmp_path):
+    """Puts a program in ffmpeg's place."""
+
+    def install(code):
+        programs = tmp_path / "programs"
+        programs.mkdir()
+        program = programs / "ffmpeg"
+        program.write_text(f"#!{sys.executable}\nimport sys\n{code}\n")
+        program.chmod(0o755)
+        monkeypatch.setenv("PATH", str(programs))
+
+    return install
+
+
+def test_film_is_fed_to_ffmpeg_frame_by_frame(run, animation, ffmpeg, tmp_path):
+    ffmpeg("open(sys.argv[-1], 'wb').write(sys.stdin.buffer.read() + ' '.join(sys.argv[1:-1]).encode())")
+    animate(run, path=tmp_path / "run.mp4", width=480)
+    film = (tmp_path / "run.mp4").read_bytes()
+    height = animation.picture(0).shape[0]
+    frame = height * 480 * 3
+    assert height % 2 == 0
+    assert film[2 * frame : 3 * frame] == animation.picture(2).tobytes()
+    options = film[26 * frame :].decode()
+    assert f"-f rawvideo -pix_fmt rgb24 -s 480x{height} -r 25 -i -" in options
+
+
+def test_ffmpeg_that_fails_leaves_the_old_film(run, ffmpeg, tmp_path):
+    ffmpeg("open(sys.argv[-1], 'w').write('half a film'); sys.exit('no such codec')")
+    (tmp_path / "run.mp4").write_text("old")
+    with pytest.raises(cm.UserError, match=r"--out: must be a film that ffmpeg can write, was refused: no such codec"):
+        animate(run, path=tmp_path / "run.mp4", width=480)
+    assert (tmp_path / "run.mp4").read_text() == "old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["programs", "run.mp4"]
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "message"),
+    [
+        ("run.png", {}, "--out: must be a file that ends in .gif, .html, .mp4, was "),
+        ("run.mp4", {}, "--out: must be a .gif or .html file where ffmpeg is not installed, was an .mp4 file"),
+        ("folder.gif", {}, "--out: must be a file, was the folder "),
+        ("run.gif", {"width": 398}, "width: must be an even number of pixels from 400 to 1920, was 398"),
+        ("run.gif", {"width": 401}, "width: must be an even number of pixels from 400 to 1920, was 401"),
+        ("run.gif", {"fps": 0.0}, "fps: must be above 0 and at most 50 frames per second, was 0.0"),
+        ("run.gif", {"speed": -1.0}, "speed: must be above 0 simulated seconds per second, was -1.0"),
+        ("run.gif", {"labels": ["a", "b"]}, "labels: must be 1, one for each trajectory, was 2"),
+    ],
+)
+def test_what_cannot_be_animated(name, changes, message, run, monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    (tmp_path / "folder.gif").mkdir()
+    with pytest.raises(cm.UserError, match=re.escape(message)):
+        animate(run, path=tmp_path / name, **changes)
+    assert [path.name for path in tmp_path.iterdir()] == ["folder.gif"]
+
+
+def test_runs_without_samples_and_pictures_too_narrow_for_them(run):
+    with pytest.raises(cm.UserError, match="trajectories: must be runs with at least one sample"):
+        Animation(shortened(run, 0))
+    with pytest.raises(cm.UserError, match="width: must be an even number of pixels from 720 to 1920, was 480"):
+        Animation(run, run, run, width=480)
+
+
+def test_twenty_seconds_take_less_than_a_minute(run, tmp_path):
+    """Of a core: 50 frames in a tenth of what 500 may take."""
+    before = time.process_time()
+    animate(run, path=tmp_path / "run.gif", fps=49.0)
+    assert time.process_time() - before < 6.0
+
+
+SHORT = ["--simulation.duration", "0.2", "--width", "480"]
+
+
+def test_command_compares_scenarios_and_results(run, tmp_path, capsys):
+    write_run(tmp_path, run.scenario, run)
+    out = ["--out", str(tmp_path / "film.gif")]
+    assert main(["animate", "paper", "--gains.k0", "4", "--against", "paper", *SHORT, *out]) == 0
+    assert capsys.readouterr().out == f"written to {tmp_path / 'film.gif'}: 6 frames\n"
+    assert main(["animate", str(tmp_path), "--against", "paper", *SHORT, *out]) == 0
+    assert capsys.readouterr().out.endswith(": 26 frames\n")
+
+
+def test_command_shows_a_failed_run_and_says_so(tmp_path, capsys):
+    bounds = ["--gains.beta", "126.7", "--gains.lam-min", "0.63"]
+    assert main(["animate", "paper", *bounds, *SHORT, "--out", str(tmp_path / "film.gif")]) == 3
+    assert "rollout paper, gains.beta 126.7, gains.lam_min 0.63 failed: SPEED at t =" in capsys.readouterr().err
+    assert (tmp_path / "film.gif").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["paper"], "the following arguments are required: --out"),
+        (["papr", "--out", "x.gif"], "scenario: must be one of "),
+        (["paper", "--out", "x.gif", "--against", "papr"], "scenario: must be one of "),
+        (["paper", "--out", "x.avi"], "--out: must be a file that ends in .gif, .html, .mp4, was x.avi"),
+        (["paper", "--out", "x.gif", "--width", "398"], "width: must be an even number of pixels"),
+        (["empty", "--out", "x.gif"], "run: must be a folder that coopmm simulate --out has written, was empty ("),
+        (
+            ["empty", "--gains.k0", "2", "--out", "x.gif"],
+            "--gains.k0: must be given with a scenario to simulate, was given with empty",
+        ),
+        (
+            ["empty", "--simulation.seed", "2", "--gains.k0", "2", "--out", "x.gif", "--against", "paper"],
+            "--gains.k0: must be given with a scenario to simulate, was given with empty",
+        ),
+    ],
+)
+def test_command_refuses_in_one_line(arguments, message, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    assert main(["animate", *arguments]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"coopmm: error: {message}")
+    assert said.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["empty"]
