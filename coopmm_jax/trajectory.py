@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -11,11 +12,13 @@ import numpy as np
 
 from coopmm_jax import coupling
 from coopmm_jax.control.adaptive import Regressors
+from coopmm_jax.metric_table import METRICS, SHOWN
 from coopmm_jax.status import Status
 from coopmm_jax.store import versions
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
     from coopmm_jax.scenario import Scenario
 
@@ -94,6 +97,16 @@ class Trajectory:
         """Names of the constraint rows (m,)."""
         return self.scenario.coupling.rows
 
+    def plot(self) -> Figure:
+        """Everything about the run on one sheet, as ``plotting.overview`` draws it.
+
+        >>> import coopmm_jax as cm
+        >>> figure = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01})).plot()
+        """
+        from coopmm_jax import plotting  # imports matplotlib
+
+        return plotting.overview(self)
+
     def to_xarray(self) -> xarray.Dataset:
         """All arrays by name, with labelled dimensions and units; the rest in the data set's attributes.
 
@@ -132,6 +145,17 @@ class Trajectory:
         end = f"{self.t[-1]:g} s" if len(self.t) else "0 s"
         outcome = "OK" if self.ok else f"{self.status.name} at {self.status_time:g} s"
         return f"<Trajectory: {len(self.t)} samples to {end}, {self.t.dtype}, {outcome}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: how the run ended, and the metrics that say whether it is any good."""
+        rows = "".join(
+            f"<tr><td>{name}</td><td>{self.metrics[name]:.4g}</td><td>{METRICS[name][0]}</td>"
+            f"<td style='text-align: left'>{html.escape(METRICS[name][1])}</td></tr>"
+            for name in SHOWN
+        )
+        ending = "" if self.ok else f"<br>{html.escape(self.status.message)}"
+        head = f"<b>{html.escape(repr(self)[1:-1])}</b>{ending}<br>{html.escape(self.scenario.description)}"
+        return f"<div>{head}<table>{rows}</table></div>"
 
 
 # The fields that are arrays: name -> dims, units, meaning.
