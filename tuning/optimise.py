@@ -1,0 +1,207 @@
+"""The search: a race of Sobol starts on few samples, then local descent with curvature from several survivors at once.
+
+Measured on a cost with several valleys (4 shared gains): the race finds a good valley with the rollouts of one full
+evaluation, since few samples over a short horizon rank gains almost as the whole does; and L-BFGS with exact gradients
+by reverse mode then needs fewer rollouts than Gauss-Newton as soon as there are more than a handful of gains.
+
+>>> method("lbfgs", 0.1, "constant", None, 10).ladder[0]
+2.0
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+import optax
+
+from coopmm_jax.errors import UserError
+from tuning import tiles
+from tuning.objective import FAILED, Objective
+from tuning.risk import Risk, weighted
+from tuning.tiles import Samples
+
+PAIRS = 10  # of L-BFGS
+REACH = 2.0  # largest step of one number: a factor of e^2 on a gain
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is minimised: the risk, over samples, of the cost."""
+
+    objective: Objective
+    coefficients: np.ndarray  # of the terms (9,)
+    risk: Risk
+
+    def values(self, vectors: np.ndarray, samples: Samples) -> np.ndarray:
+        """Risk of each candidate (C,); vectors is (C, n)."""
+        costs = tiles.evaluate(self.objective, vectors, samples).costs(self.coefficients)
+        return np.array([float(self.risk(row)) for row in costs])
+
+    def slopes(self, vectors: np.ndarray, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+        """Risk of each candidate (C,) and its gradient (C, n)."""
+        costs, gradients = tiles.gradients(self.objective, vectors, samples, self.coefficients)
+        risks = [weighted(self.risk, row) for row in costs]
+        slopes = [np.sum(weights[:, None] * rows, axis=0) for (_, weights), rows in zip(risks, gradients, strict=True)]
+        return np.array([value for value, _ in risks]), np.array(slopes)
+
+
+class Pairs(NamedTuple):
+    """Curvature known to L-BFGS: the latest pairs, the newest last; rows of zeros are unused."""
+
+    steps: np.ndarray  # (PAIRS, n)
+    changes: np.ndarray  # of the gradient (PAIRS, n)
+
+
+class LBFGS:
+    """Limited-memory BFGS on the host: a dozen vectors of some 20 numbers need no compiler."""
+
+    ladder = (2.0, 1.0, 0.5, 0.25, 0.1, 0.02)  # step lengths tried at once: together cheaper than one gradient
+    descends = True  # a step is taken only if it lowers the risk
+
+    def start(self, vector: np.ndarray) -> Pairs:
+        """No curvature yet."""
+        return Pairs(np.zeros((PAIRS, vector.size)), np.zeros((PAIRS, vector.size)))
+
+    def direction(self, memory: Pairs, vector: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, Pairs]:
+        """Minus the inverse Hessian times the gradient, by the two-loop recursion."""
+        pairs = [(s, y) for s, y in zip(*memory, strict=True) if s.any()]
+        towards, shares = gradient, []
+        for s, y in reversed(pairs):
+            shares.append(np.sum(s * towards) / np.sum(s * y))
+            towards = towards - shares[-1] * y
+        if pairs:
+            s, y = pairs[-1]
+            towards = towards * (np.sum(s * y) / np.sum(y * y))
+        else:
+            towards = towards / max(1.0, np.max(np.abs(gradient)))
+        for (s, y), share in zip(pairs, reversed(shares), strict=True):
+            towards = towards + (share - np.sum(y * towards) / np.sum(s * y)) * s
+        return -towards, memory
+
+    def learn(self, memory: Pairs, step: np.ndarray, change: np.ndarray) -> Pairs:
+        """Add a pair whose curvature is positive."""
+        if np.sum(step * change) <= 1e-10 * np.sum(step * step):
+            return memory
+        return Pairs(*(np.vstack([old[1:], new]) for old, new in zip(memory, (step, change), strict=True)))
+
+
+class Optax:
+    """An optimiser of optax: its update is the step, shortened only where rollouts fail."""
+
+    ladder = (1.0, 0.5, 0.25, 0.125)
+    descends = False
+
+    def __init__(self, transformation: optax.GradientTransformation):
+        self.transformation = transformation
+
+    def start(self, vector: np.ndarray) -> Any:
+        """The optimiser's state."""
+        return jax.device_get(self.transformation.init(vector))
+
+    def direction(self, memory: Any, vector: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, Any]:
+        """The optimiser's update, and its next state."""
+        return jax.device_get(self.transformation.update(gradient, memory, vector))
+
+    def learn(self, memory: Any, step: np.ndarray, change: np.ndarray) -> Any:
+        """Nothing: optax's optimisers learn from the gradient alone."""
+        return memory
+
+
+def method(name: str, learning_rate: float, schedule: str, clip: float | None, steps: int) -> LBFGS | Optax:
+    """The optimiser of [tuning].
+
+    Args:
+        steps: over which a cosine schedule falls to zero. clip: largest global norm of the gradient.
+
+    Raises:
+        UserError: optax has no such optimiser, or it needs more than a learning rate.
+    """
+    if name == "lbfgs":
+        return LBFGS()
+    rate = optax.cosine_decay_schedule(learning_rate, steps) if schedule == "cosine" else learning_rate
+    try:
+        chosen = getattr(optax, name)(rate)
+        known = isinstance(chosen, optax.GradientTransformation)
+    except (AttributeError, TypeError):
+        known = False
+    if not known:
+        raise UserError("tuning.optimiser", "lbfgs or an optimiser of optax, as adam", name)
+    return Optax(chosen if clip is None else optax.chain(optax.clip_by_global_norm(clip), chosen))
+
+
+class Candidate(NamedTuple):
+    """One descent under way."""
+
+    vector: np.ndarray  # (n,)
+    memory: Any  # of the method
+    reach: float = REACH  # largest step of one number
+
+
+def race(search: Search, starts: np.ndarray, samples: Samples, survivors: int) -> np.ndarray:
+    """The best of many starting points (C, n) -> (survivors, n), best first."""
+    order = np.argsort(search.values(starts, samples), kind="stable")
+    return starts[order[:survivors]]
+
+
+def descend(
+    search: Search, chosen: LBFGS | Optax, candidates: list[Candidate], samples: Samples, steps: int
+) -> tuple[list[Candidate], np.ndarray, int]:
+    """A few steps of every candidate on the same samples; what one does depends on no other.
+
+    Returns:
+        The candidates, their risks (C,), and how many steps were rejected or shortened because rollouts failed, nothing
+        improved, or a gradient was not finite: then the next step may reach half as far.
+    """
+    rejected = 0
+    values, slopes = search.slopes(np.stack([c.vector for c in candidates]), samples)
+    for _ in range(steps):
+        proposals = [_propose(chosen, c, g) for c, g in zip(candidates, slopes, strict=True)]
+        tried = search.values(np.concatenate([trials for trials, _ in proposals]), samples)
+        moved = []
+        for c, value, (trials, memory), outcome in zip(
+            candidates, values, proposals, tried.reshape(len(candidates), -1), strict=True
+        ):
+            taken = _pick(chosen, value, outcome)
+            rejected += taken is None or (taken > 0 and not chosen.descends)
+            moved.append(_moved(chosen, c, memory, trials, taken))
+        new_values, new_slopes = search.slopes(np.stack([c.vector for c in moved]), samples)
+        candidates = [
+            new._replace(memory=chosen.learn(new.memory, new.vector - old.vector, g1 - g0))
+            for old, new, g0, g1 in zip(candidates, moved, slopes, new_slopes, strict=True)
+        ]
+        values, slopes = new_values, new_slopes
+    return candidates, values, rejected
+
+
+def _propose(chosen: LBFGS | Optax, candidate: Candidate, slope: np.ndarray) -> tuple[np.ndarray, Any]:
+    """Trial vectors (ladder, n), longest step first, and the method's memory after them."""
+    vector, memory = candidate.vector, candidate.memory
+    if not np.all(np.isfinite(slope)):
+        return np.repeat(vector[None], len(chosen.ladder), axis=0), memory
+    direction, memory = chosen.direction(memory, vector, slope)
+    if chosen.descends and np.sum(direction * slope) >= 0.0:
+        direction, memory = chosen.direction(chosen.start(vector), vector, slope)
+    longest = max(float(np.max(np.abs(direction))), 1e-300)
+    lengths = np.minimum(np.array(chosen.ladder), candidate.reach / longest)
+    return vector + lengths[:, None] * direction, memory
+
+
+def _pick(chosen: LBFGS | Optax, value: float, outcome: np.ndarray) -> int | None:
+    """Which trial to take; None for none of them."""
+    if chosen.descends:
+        best = int(np.argmin(outcome))
+        return best if outcome[best] < value else None
+    usable = np.flatnonzero(outcome < FAILED * 1e-3)
+    return int(usable[0]) if len(usable) else None
+
+
+def _moved(
+    chosen: LBFGS | Optax, candidate: Candidate, memory: Any, trials: np.ndarray, taken: int | None
+) -> Candidate:
+    """The candidate after its step; without one it keeps no memory and half its reach."""
+    if taken is None:
+        return Candidate(candidate.vector, chosen.start(candidate.vector), 0.5 * candidate.reach)
+    return Candidate(trials[taken], memory, min(REACH, 2.0 * candidate.reach))
