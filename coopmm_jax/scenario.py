@@ -34,6 +34,7 @@ from coopmm_jax.parameters import (
     Surface,
 )
 from coopmm_jax.requirements import Requirements
+from coopmm_jax.tuning_schema import Tuning
 from coopmm_jax.uncertainty_schema import Uncertainty
 from coopmm_jax.validation import closest, validate
 
@@ -55,6 +56,7 @@ class Scenario(HardwareSections):
     initial: schema.Initial = schema.Initial()
     uncertainty: Uncertainty = Uncertainty()
     requirements: Requirements = Requirements()
+    tuning: Tuning = Tuning()
 
     @property
     def steps(self) -> int:
