@@ -23,7 +23,7 @@ def risk(kind: str, level: float = 0.9, sharpness: float = 2.0) -> Risk:
     """A function from costs (N,) to one cost.
 
     Args:
-        kind: mean; cvar, the mean of the worst (1 - level) N costs; soft_worst, log(mean(exp(sharpness c))) / sharpness,
+        kind: mean; cvar, mean of the worst (1 - level) N costs; soft_worst, log(mean(exp(sharpness c))) / sharpness,
             between the mean and the worst; worst.
 
     Raises:
