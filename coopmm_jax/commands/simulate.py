@@ -10,7 +10,9 @@ import coopmm_jax
 from coopmm_jax.commands import DONE, ROLLOUT_FAILED
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
 from coopmm_jax.errors import UserError
+from coopmm_jax.gains_file import read_gains
 from coopmm_jax.metric_table import METRICS, SHOWN
+from coopmm_jax.overrides import merged
 from coopmm_jax.scenario import Scenario, load_scenario
 from coopmm_jax.store import result_folder, write_run
 
@@ -30,6 +32,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--from", dest="store", metavar="STORE", help="a sweep's store, to replay one of its samples")
     parser.add_argument("--sample", metavar="N", type=int, help="which sample of STORE, counted from 0")
+    parser.add_argument("--gains-file", metavar="FILE", help="TOML file with [gains], as coopmm tune writes it")
     parser.add_argument("--precision", choices=("float64", "float32"), help="short for --simulation.precision")
     parser.add_argument(
         "--out", metavar="DIR", help="folder for scenario.toml, trajectory.npz, summary.json and overview.png"
@@ -39,6 +42,8 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     """Simulate, print, and write results if a folder is named."""
+    if options.gains_file:
+        changes = merged(read_gains(options.gains_file), changes)
     if options.precision:
         changes = changes | {"simulation.precision": options.precision}
     scenario = _scenario(options, changes)
