@@ -46,8 +46,11 @@ def weighted(function: Risk, costs: np.ndarray) -> tuple[float, np.ndarray]:
     return float(value), np.asarray(weights)
 
 
+def tail_shares(samples: int, level: float) -> np.ndarray:
+    """What each sample counts in the CVaR, the worst first (N,); the last that counts does so by what is left of it."""
+    shares = np.clip((1.0 - level) * samples - np.arange(samples), 0.0, 1.0)
+    return shares / shares.sum()
+
+
 def _cvar(costs: jax.Array, level: float) -> jax.Array:
-    """Mean of the largest (1 - level) N costs; the last of them counts by the fraction that is left."""
-    count = (1.0 - level) * costs.shape[0]
-    shares = np.clip(count - np.arange(costs.shape[0]), 0.0, 1.0)
-    return jnp.dot(-jnp.sort(-costs), jnp.asarray(shares / shares.sum(), costs.dtype))
+    return jnp.dot(-jnp.sort(-costs), jnp.asarray(tail_shares(costs.shape[0], level), costs.dtype))

@@ -1,0 +1,59 @@
+"""``coopmm tune``."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from coopmm_jax.commands import DONE
+from coopmm_jax.commands.fields import OVERRIDES, fields_help
+from coopmm_jax.gains_file import read_gains
+from coopmm_jax.overrides import merged
+from coopmm_jax.scenario import load_scenario
+from coopmm_jax.store import result_folder
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    parser = commands.add_parser(
+        "tune",
+        help="tune gains against a scenario's uncertainty and report what it brought on untouched samples",
+        usage=f"coopmm tune SCENARIO {OVERRIDES} [--seed S] [--gains-file FILE] [--out DIR] [--resume]",
+        epilog=fields_help(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario's name, or the path of a TOML file")
+    parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
+    parser.add_argument("--gains-file", metavar="FILE", help="start from the gains that another tuning wrote")
+    parser.add_argument("--out", metavar="DIR", default="tuned", help="folder for all results (default tuned)")
+    parser.add_argument("--resume", action="store_true", help="go on with the run in DIR, with the same settings")
+    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
+
+
+def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
+    """Tune, then print and write the report."""
+    if options.seed is not None:
+        changes = changes | {"simulation.seed": options.seed}
+    if options.gains_file:
+        changes = merged(read_gains(options.gains_file), changes)
+    scenario = load_scenario(options.scenario, **changes)
+    from tqdm import tqdm  # this and the next two are slow to import
+
+    from tuning.report import table, write_report
+    from tuning.tune import Row, tune
+
+    with tqdm(total=scenario.tuning.iterations, unit="iteration", disable=None) as bar:
+
+        def show(row: Row) -> None:
+            bar.update(row.iteration - bar.n)
+            bar.set_postfix({"risk": f"{row.validation:.4g}", "best": f"{row.best:.4g}"})
+            if row.rejected:
+                bar.write(f"iteration {row.iteration}: {row.rejected} steps rejected, the next ones reach half as far")
+
+        result = tune(scenario, out=options.out, resume=options.resume, progress=show)
+    with result_folder(options.out) as folder:
+        write_report(folder, result)
+    print(table(result), end="")
+    print(f"written to {options.out}; use the gains by coopmm simulate SCENARIO --gains-file {options.out}/gains.toml")
+    return DONE
