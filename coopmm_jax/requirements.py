@@ -33,8 +33,8 @@ class Requirement(NamedTuple):
     relation: str  # of _OPERATORS
     limit: float
 
-    def met(self, values: np.ndarray) -> np.ndarray:
-        """Whether each value (N,) keeps the limit; one that is not a number does not."""
+    def met(self, values: Any) -> Any:
+        """Whether a value keeps the limit, or which of many (N,); one that is not a number does not."""
         return _OPERATORS[self.relation](values, self.limit)
 
     @property

@@ -27,6 +27,7 @@ def sampler(method: str, seed: int, dimensions: int) -> Points:
     """A function from sample indices (B,) to points (B, D) in the open unit cube, float64.
 
     Sobol points are generated in order: quick for indices that rise from call to call, slow for those that jump back.
+    They are not independent, so a Clopper-Pearson interval from them is wider than need be, as a rule.
 
     Raises:
         UserError: another method.

@@ -152,19 +152,19 @@ class Scenario(HardwareSections):
         return self
 
     @model_validator(mode="after")
-    def _what_varies_can(self) -> Scenario:
-        if self.uncertainty.entries():
-            from coopmm_jax.uncertainty import vary  # imports scipy, which few scenarios need
-
-            vary(self)
-        return self
-
-    @model_validator(mode="after")
     def _what_is_required_is_measured(self) -> Scenario:
         for metric in self.requirements.model_extra:
             if metric not in METRICS:
                 must = f"a metric, as coopmm simulate --out writes them{closest(metric, METRICS)}"
                 raise UserError(f"requirements.{metric}", must, "unknown")
+        return self
+
+    @model_validator(mode="after")
+    def _what_varies_can(self) -> Scenario:
+        if self.uncertainty.entries():
+            from coopmm_jax.uncertainty import vary  # imports scipy, which few scenarios need
+
+            vary(self)
         return self
 
 

@@ -7,10 +7,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.stats import norm, spearmanr
+from scipy.stats import norm, rankdata
 
 from coopmm_jax import sweep_store
 from coopmm_jax.errors import UserError
@@ -43,6 +44,16 @@ class Results:
     def completed(self) -> np.ndarray:
         """Which samples reached the horizon (n,)."""
         return self.status == _OK
+
+    @cached_property
+    def ranks_of_all(self) -> dict[str, np.ndarray]:
+        """Ranks of each draw among the computed samples (n,)."""
+        return {draw: rankdata(x) for draw, x in self.parameters.items()}
+
+    @cached_property
+    def ranks_of_completed(self) -> dict[str, np.ndarray]:
+        """Ranks of each draw among the completed samples."""
+        return {draw: rankdata(x[self.completed]) for draw, x in self.parameters.items()}
 
     @property
     def requirements(self) -> tuple[Requirement, ...]:
@@ -151,10 +162,12 @@ def sensitivities(results: Results, metric: str) -> dict[str, Interval]:
     Args:
         metric: over the completed samples; or ``COMPLETED``, which is 1 or 0 in every sample.
     """
-    which, values = _of(results, metric)
+    _, values = _of(results, metric)
     if not _differ(values):
         return {}
-    found = {draw: rank_correlation(x[which], values) for draw, x in results.parameters.items()}
+    ranks = rankdata(values)
+    drawn = results.ranks_of_all if metric == COMPLETED else results.ranks_of_completed
+    found = {draw: _correlation(x, ranks) for draw, x in drawn.items()}
     return dict(sorted(found.items(), key=lambda item: -abs(item[1].estimate)))
 
 
@@ -182,8 +195,12 @@ def rank_correlation(x: np.ndarray, y: np.ndarray) -> Interval:
 
     Fisher's transformation with the variance of Bonett and Wright (2000), (1 + r^2 / 2) / (n - 3).
     """
-    r = float(spearmanr(x, y).statistic)
+    return _correlation(rankdata(x), rankdata(y))
+
+
+def _correlation(x_ranks: np.ndarray, y_ranks: np.ndarray) -> Interval:
+    r = float(np.corrcoef(x_ranks, y_ranks)[0, 1])
     if abs(r) >= 1.0:
         return Interval(r, r, r)
-    half = norm.ppf(0.5 + CONFIDENCE / 2) * np.sqrt((1.0 + r**2 / 2.0) / (len(x) - 3))
+    half = norm.ppf(0.5 + CONFIDENCE / 2) * np.sqrt((1.0 + r**2 / 2.0) / (len(x_ranks) - 3))
     return Interval(r, float(np.tanh(np.arctanh(r) - half)), float(np.tanh(np.arctanh(r) + half)))

@@ -108,8 +108,7 @@ class Variation:
         spelt_out = {name: [getattr(robot, name) for robot in nominal] for name in Inertia._fields}
         spelt_out["m_obj"] = nominal[1].m_obj
         changes = self._tables(values) | {f"nominal.{name}": value for name, value in spelt_out.items()}
-        empty = {name: type(getattr(self.scenario, name))() for name in ("uncertainty", "requirements")}
-        certain = self.scenario.model_copy(update=empty)
+        certain = self.scenario.model_copy(update={"uncertainty": type(self.scenario.uncertainty)()})
         return certain.with_overrides(changes | {"simulation.stream": index})
 
     def _tables(self, values: dict[str, Any]) -> dict[str, Any]:

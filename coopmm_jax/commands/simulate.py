@@ -84,6 +84,9 @@ def _report(scenario: Scenario, trajectory: Any) -> int:
     for name in SHOWN:
         unit, meaning = METRICS[name]
         print(f"  {name:{max(map(len, SHOWN))}} {trajectory.metrics[name]:12.6g} {unit:6}  {meaning}")
+    for requirement in scenario.requirements.parsed():
+        met = trajectory.ok and requirement.met(trajectory.metrics[requirement.metric])
+        print(f"  requirement {requirement}: {'met' if met else 'not met'}")
     if trajectory.ok:
         return DONE
     ending = f"{trajectory.status.name} at t = {trajectory.status_time:g} s: {trajectory.status.message}"
