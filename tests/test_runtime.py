@@ -11,6 +11,7 @@ import pytest
 from coopmm_jax import runtime
 
 WHILE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000"
+WHOLE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000000"
 MULTI_OUTPUT = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion=true"
 
 
@@ -61,7 +62,7 @@ with jax.enable_x64(True):
 assert coopmm_jax.runtime.use_fast_compilation()
 """
     assert in_new_process(code).splitlines() == [
-        f"{WHILE_LOOPS} {MULTI_OUTPUT} --xla_cpu_prefer_vector_width=512",
+        f"{WHOLE_LOOPS} {MULTI_OUTPUT} --xla_cpu_prefer_vector_width=512",
         "6.75",
     ]
 
