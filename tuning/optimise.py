@@ -24,7 +24,7 @@ from tuning.risk import Risk, weighted
 from tuning.tiles import Samples
 
 PAIRS = 10  # of L-BFGS
-REACH = 2.0  # largest step of one number: a factor of e^2 on a gain
+REACH = 1.0  # longest step of one number before the ladder: a factor of e on a gain
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class Candidate(NamedTuple):
 
     vector: np.ndarray  # (n,)
     memory: Any  # of the method
-    reach: float = REACH  # largest step of one number
+    reach: float = REACH
 
 
 def race(search: Search, starts: np.ndarray, samples: Samples, survivors: int) -> np.ndarray:
@@ -184,9 +184,9 @@ def _propose(chosen: LBFGS | Optax, candidate: Candidate, slope: np.ndarray) -> 
     direction, memory = chosen.direction(memory, vector, slope)
     if chosen.descends and np.sum(direction * slope) >= 0.0:
         direction, memory = chosen.direction(chosen.start(vector), vector, slope)
-    longest = max(float(np.max(np.abs(direction))), 1e-300)
-    lengths = np.minimum(np.array(chosen.ladder), candidate.reach / longest)
-    return vector + lengths[:, None] * direction, memory
+    longest = float(np.max(np.abs(direction)))
+    direction = direction * min(1.0, candidate.reach / max(longest, 1e-300))
+    return vector + np.array(chosen.ladder)[:, None] * direction, memory
 
 
 def _pick(chosen: LBFGS | Optax, value: float, outcome: np.ndarray) -> int | None:
