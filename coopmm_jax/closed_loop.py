@@ -74,6 +74,9 @@ def act(
 ) -> Action:
     """Close the force loop: from the motion force and the measured contact force to torques and accelerations.
 
+    An instantaneous loop is solved as if torque had no limits and the controller's J were the plant's; the error that
+    goes into the integral is that of the force which then really acts.
+
     Args:
         truth, seen: kinematics of the plant, and as the controller measures them.
     """
@@ -98,6 +101,8 @@ def act(
         # J^T lambda_h moves nothing and adds to the multipliers one for one, so no second solve is needed.
         exact = free._replace(multipliers=plus(free.multipliers, lambda_h))
     moved = exact or plant.respond(structure, model, t, truth, _force(model, state.position, applied))
+    if ideal_sensing(structure) and exact is None:
+        error = minus(biased(structure, model, moved.multipliers), desired)
     return Action(error, commanded, target, applied, moved)
 
 

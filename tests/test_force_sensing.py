@@ -52,9 +52,10 @@ def test_noise_is_of_the_force_before_delay_and_lag():
     np.testing.assert_array_equal(shown(structure, forces, errors), shown(structure, forces + errors))
 
 
-@pytest.mark.parametrize("features", [("force_bias",), ("force_bias", "actuator_lag")])
-def test_ideal_sensor_shows_the_force_its_own_torque_causes_with_its_bias(features):
-    hardware = Hardware(force_bias=2.5, actuator_lag=0.01)
+@pytest.mark.parametrize("further", [(), ("actuator_lag",), ("torque_limits",)])
+def test_ideal_sensor_shows_the_force_its_own_torque_causes_with_its_bias(further):
+    features = ("force_bias", *further)
+    hardware = Hardware(force_bias=2.5, actuator_lag=0.01, wheel_limit=5.0, joint_limit=1.0)
     parameters, structure = as_scalars(Parameters(hardware=hardware), float), Structure(features=features)
     model = build_model(parameters)
     state, *_ = initial_state(structure, model, parameters)

@@ -4,8 +4,10 @@ import jax
 import numpy as np
 import pytest
 
+from coopmm_jax import robot
 from coopmm_jax.model import build_model
-from coopmm_jax.parameters import ALL_ROWS
+from coopmm_jax.parameters import ALL_ROWS, Parameters
+from coopmm_jax.reference import desired_motion
 from coopmm_jax.rollout import as_scalars
 from coopmm_jax.sampled_loop import draw_noise
 from coopmm_jax.scenario import load_scenario
@@ -95,6 +97,21 @@ def test_energy_balance(runs, name):
     gained = energy[1:] - energy[0]
     # Behind a lag of 2 ms the torque bends within a period, which the trapezoidal rule for the work does not see.
     assert np.abs(gained - work).max() < (5e-5 if lagging else 3e-9) * np.abs(gained).max()
+
+
+@pytest.mark.parametrize("t", [0.0, 1.0, 4.0])
+def test_free_joints_hold_the_posture_that_meets_every_row(t):
+    """With both robots on their references; elbows as at the start."""
+    parameters = Parameters()
+    postures, desired = build_model(parameters).posture, desired_motion(parameters.reference, t)
+    q = np.array(
+        [
+            robot.unchained(robot.Position(d.z1, d.z2, d.z3, *d.arm, *posture))
+            for d, posture in zip(desired, postures, strict=True)
+        ]
+    )
+    np.testing.assert_allclose(lagrangian.all_constraints(parameters.plant, q), np.zeros(4), rtol=0, atol=1e-14)
+    assert [np.sign(a3) for _, a3 in postures] == [np.sign(start.a3) for start in parameters.start]
 
 
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if name != "rough"])
