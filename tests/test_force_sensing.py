@@ -121,5 +121,5 @@ def test_force_loop_is_stable_exactly_within_its_bounds(runs, loop):
     assert np.abs(change[1:]).max() < 1e-5 * np.abs(off).max()
 
     grown = abs(change[0, -1] - 1.0) / abs(change[0, 0] - 1.0)
-    assert grown == pytest.approx(abs(factor) ** STEPS, rel=5e-5)
+    assert grown == pytest.approx(abs(factor) ** STEPS, rel=3e-4)
     assert (grown < 1.0) == ("0.99" in loop)
