@@ -64,7 +64,7 @@ def summary(results: Results) -> dict:
         "metrics": {metric: table._asdict() for metric, table in tables.items() if table},
         "rank_correlation": {
             metric: {draw: interval._asdict() for draw, interval in sensitivities(results, metric).items()}
-            for metric in results.metrics
+            for metric in telling(results)
         },
     }
 

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,6 +18,7 @@ from coopmm_jax import sweep_store
 from coopmm_jax.errors import UserError
 from coopmm_jax.metric_table import LOW_IS_BAD, SHOWN
 from coopmm_jax.requirements import CONFIDENCE, Interval, Requirement, success
+from coopmm_jax.sampling import sampler
 from coopmm_jax.scenario import Scenario
 from coopmm_jax.uncertainty import vary
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 COMPLETED = "completed"  # stands where a metric's name does for "the rollout reached its horizon"
 _OK = 0  # Status.OK; -1 is a sample that has not been computed
+_COLUMNS = 4  # read at a time
 LOW, HIGH = 0.05, 0.95  # quantiles that tables and bands show
 
 
@@ -37,23 +40,30 @@ class Results:
     index: np.ndarray  # (n,) of each computed sample
     status: np.ndarray  # (n,) codes of ``Status``
     status_time: np.ndarray  # (n,) of a failure [s]; NaN for none
-    parameters: dict[str, np.ndarray]  # (n,) of one number for each draw, by the draw's name
     metrics: dict[str, np.ndarray]  # (n,) of SHOWN and of those with a requirement
+    draws: dict[str, str]  # name of each draw -> the number that stands for it
+    data: xarray.Dataset
 
     @property
     def completed(self) -> np.ndarray:
         """Which samples reached the horizon (n,)."""
         return self.status == _OK
 
-    @cached_property
-    def ranks_of_all(self) -> dict[str, np.ndarray]:
-        """Ranks of each draw among the computed samples (n,)."""
-        return {draw: rankdata(x) for draw, x in self.parameters.items()}
+    def quantiles(self, positions: np.ndarray) -> dict[str, np.ndarray]:
+        """Which quantile of its distribution each draw is, in the computed samples at some positions (k,)."""
+        points = sampler(self.data.attrs["sampling"], self.scenario.simulation.seed, len(self.draws))
+        return dict(zip(self.draws, points(self.index[positions]).T, strict=True))
 
     @cached_property
-    def ranks_of_completed(self) -> dict[str, np.ndarray]:
-        """Ranks of each draw among the completed samples."""
-        return {draw: rankdata(x[self.completed]) for draw, x in self.parameters.items()}
+    def correlations(self) -> dict[str, dict[str, Interval]]:
+        """Rank correlation of what is ``telling`` with each draw, in one pass over the draws."""
+        measured = {metric: _of(self, metric) for metric in telling(self)}
+        ranks = {metric: (which, rankdata(values)) for metric, (which, values) in measured.items()}
+        found: dict[str, dict[str, Interval]] = {metric: {} for metric in ranks}
+        for draw, x in _columns(self.data.parameters, self.draws, self.index):
+            for metric, (which, y_ranks) in ranks.items():
+                found[metric][draw] = _correlation(rankdata(x[which]), y_ranks)
+        return found
 
     @property
     def requirements(self) -> tuple[Requirement, ...]:
@@ -103,22 +113,33 @@ def read_results(data: xarray.Dataset, scenario: Scenario | None = None) -> Resu
     scenario = sweep_store.scenario_of(data) if scenario is None else scenario
     required = [requirement.metric for requirement in scenario.requirements.parsed()]
     shown = list(dict.fromkeys([*required, *SHOWN]))
-    first = {number.draw: number.name for number in reversed(vary(scenario).numbers)}
+    draws: dict[str, str] = {}
+    for number in vary(scenario).numbers:
+        draws.setdefault(number.draw, number.name)
     status = sweep_store.values(data.status)
     index = np.flatnonzero(status >= 0)
     if not len(index):
         raise UserError("store", "a sweep with at least one computed tile", "empty")
-    drawn = sweep_store.values(data.parameters.sel(parameter=list(first.values())))
-    measured = sweep_store.values(data.metrics.sel(metric=shown))
     return Results(
         scenario=scenario,
         total=len(status),
         index=index,
         status=status[index],
         status_time=sweep_store.values(data.status_time)[index],
-        parameters={draw: drawn[index, i] for i, draw in enumerate(first)},
-        metrics={name: measured[index, i] for i, name in enumerate(shown)},
+        metrics=dict(_columns(data.metrics, {name: name for name in shown}, index)),
+        draws=draws,
+        data=data,
     )
+
+
+def _columns(table: xarray.DataArray, names: Mapping[str, str], index: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Columns (n,) of a table (sample, name), by what ``names`` calls them; a few are read at a time."""
+    wanted = list(names.items())
+    for first in range(0, len(wanted), _COLUMNS):
+        some = wanted[first : first + _COLUMNS]
+        read = sweep_store.values(table.sel({table.dims[1]: [column for _, column in some]}))
+        for i, (name, _) in enumerate(some):
+            yield name, read[index, i]
 
 
 def as_results(sweep: xarray.Dataset | Results) -> Results:
@@ -157,17 +178,12 @@ def worst_samples(results: Results, metric: str, count: int) -> np.ndarray:
 
 
 def sensitivities(results: Results, metric: str) -> dict[str, Interval]:
-    """Rank correlation of a metric with each draw, strongest first; {} if it is the same in all samples.
+    """Rank correlation of a metric with each draw over the completed samples, strongest first; {} if not ``telling``.
 
     Args:
-        metric: over the completed samples; or ``COMPLETED``, which is 1 or 0 in every sample.
+        metric: or ``COMPLETED``, which counts in every sample, as 1 or 0.
     """
-    _, values = _of(results, metric)
-    if not _differ(values):
-        return {}
-    ranks = rankdata(values)
-    drawn = results.ranks_of_all if metric == COMPLETED else results.ranks_of_completed
-    found = {draw: _correlation(x, ranks) for draw, x in drawn.items()}
+    found = results.correlations.get(metric, {})
     return dict(sorted(found.items(), key=lambda item: -abs(item[1].estimate)))
 
 

@@ -90,7 +90,7 @@ def sweep_importance(sweep: xarray.Dataset | Results, axes: Any = None) -> Figur
 
 @style.styled
 def sweep_worst(sweep: xarray.Dataset | Results, axes: Any = None) -> Figure:
-    """Where in their ranges the draws of the worst samples lie: one panel for each required metric.
+    """Which quantiles of their distributions the draws of the worst samples are: one panel for each required metric.
 
     A draw whose marks crowd at one end is one that breaks the requirement. What is the same in all samples has no
     panel. Arguments and errors as for ``sweep_requirements``.
@@ -173,12 +173,13 @@ def _importance_panel(axes: Axes, results: Results, metric: str) -> None:
 def _worst_panel(axes: Axes, results: Results, metric: str) -> None:
     draws = list(sensitivities(results, metric))[:STRONGEST][::-1]
     chosen = worst_samples(results, metric, WORST)
+    quantiles = results.quantiles(chosen)
     for row, draw in enumerate(draws):
-        drawn = results.parameters[draw]
-        place = np.searchsorted(np.sort(drawn), drawn[chosen]) / max(1, len(drawn) - 1)
-        axes.plot(place, np.full(len(place), row), "o", color=style.pen(3)["color"], markersize=3.5, alpha=0.7)
+        axes.plot(
+            quantiles[draw], np.full(len(chosen), row), "o", color=style.pen(3)["color"], markersize=3.5, alpha=0.7
+        )
     axes.set_yticks(range(len(draws)), draws)
     axes.set_ylim(-0.6, len(draws) - 0.4)
     axes.set_xlim(-0.02, 1.02)
-    axes.set_xlabel("place in the range of the draw")
+    axes.set_xlabel("quantile of the draw")
     axes.set_title(f"{len(chosen)} worst of {metric}")
