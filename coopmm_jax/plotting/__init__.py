@@ -14,6 +14,7 @@ from coopmm_jax.plotting.control import adaptation, filtered_error, torques
 from coopmm_jax.plotting.force import constraint_forces, constraint_residual, contact_force
 from coopmm_jax.plotting.motion import arm_angles, chained_errors, platform_angle, platform_paths
 from coopmm_jax.plotting.overview import overview
+from coopmm_jax.plotting.series import series
 from coopmm_jax.plotting.style import caption, save
 from coopmm_jax.plotting.sweeps import sweep_bands, sweep_importance, sweep_requirements, sweep_worst
 
@@ -30,6 +31,7 @@ __all__ = [
     "platform_angle",
     "platform_paths",
     "save",
+    "series",
     "sweep_bands",
     "sweep_importance",
     "sweep_requirements",
