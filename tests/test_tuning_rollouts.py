@@ -1,0 +1,48 @@
+"""The objective on real rollouts: gradients of every tunable gain, and lanes that do not depend on each other."""
+
+import json
+import os
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+
+from coopmm_jax.tuning_schema import Bounds
+from tests import tuning_worker
+from tuning.objective import TERMS
+
+
+@pytest.fixture(scope="module")
+def results():
+    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
+    done = subprocess.run(
+        [sys.executable, "-m", tuning_worker.__name__], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_every_tunable_gain_is_there_and_matters(results):
+    assert results["names"] == list(Bounds.model_fields)
+    assert np.all(np.any(np.array(results["gradient"]) != 0.0, axis=0))
+
+
+def test_every_term_is_there(results):
+    terms = np.array(results["terms"])
+    assert terms.shape == (4, len(TERMS))
+    assert np.all(terms.max(axis=0) > 0.0)
+
+
+def test_gradient_is_that_of_central_differences(results):
+    gradient, central = np.array(results["gradient"]), np.array(results["central"])
+    np.testing.assert_allclose(gradient.mean(axis=0), central.mean(axis=0), rtol=2e-7)
+
+
+def test_a_lane_has_the_same_bits_alone_and_among_others(results):
+    assert results["alone"] == results["among"]
+
+
+def test_the_plain_function_is_the_one_that_is_tuned(results):
+    np.testing.assert_allclose(results["plain"], results["alone"][0], rtol=1e-12)

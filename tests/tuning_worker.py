@@ -1,0 +1,64 @@
+"""What only real rollouts can show of tuning, as JSON: run by test_tuning_rollouts.py in a process of its own.
+
+Of its own for the reason that ``gradient_worker`` gives.
+"""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coopmm_jax import runtime
+from coopmm_jax.scenario import load_scenario
+from coopmm_jax.tuning_schema import Bounds
+from tuning import tiles
+from tuning.objective import TERMS
+from tuning.problem import build_problem
+
+HORIZON = 0.1  # [s]
+# Every gain that can be tuned, in a loop where each matters: limits of which the start asks more.
+SCENARIO = {
+    "law": {"delta_floor": 0.95, "feedforward": "projected"},  # the floor above delta(t), a dip of the contact force
+    "actuators": {"wheel_limit": 25.0, "joint_limit": 15.0},
+    "simulation": {"duration": HORIZON},
+    "uncertainty": {"disturbance.scale": {"distribution": "uniform", "low": 1.0, "high": 4.0}},
+    "tuning": {
+        "gains": list(Bounds.model_fields),
+        "channels": "shared",
+        "horizon": HORIZON,
+        "validation_samples": 4,
+        "weights": dict.fromkeys(TERMS, 1.0),
+    },
+}
+STEP = 1e-4  # of central differences
+
+
+def main():
+    """Print gradient and central differences (n,), one candidate's costs alone and among eight, and names."""
+    runtime.use_fast_compilation()
+    jax.config.update("jax_enable_x64", True)
+    problem = build_problem(load_scenario("sensed", **SCENARIO))
+    search, space, samples = problem.training, problem.space, problem.samples(5, 4)
+    start = space.start
+    costs, gradients = tiles.gradients(search.objective, start[None], samples, search.coefficients)
+    moved = np.concatenate([start + sign * STEP * np.eye(space.size) for sign in (1, -1)])
+    ahead, behind = np.split(tiles.evaluate(search.objective, moved, samples).costs(search.coefficients), 2)
+    others = np.concatenate([start + 0.1 * np.random.default_rng(0).normal(size=(8, space.size)), start[None]])
+    among, slopes = tiles.gradients(search.objective, others, samples, search.coefficients)
+    parameters = jax.tree.unflatten(samples.structure, list(jnp.asarray(samples.rows.T)))
+    plain = jax.vmap(search.objective.cost, in_axes=(None, 0, None))(start, parameters, search.coefficients)
+    results = {
+        "gradient": gradients[0].tolist(),
+        "central": ((ahead - behind) / (2.0 * STEP)).T.tolist(),
+        "alone": [costs[0].tolist(), gradients[0].tolist()],
+        "among": [among[8].tolist(), slopes[8].tolist()],
+        "plain": plain.tolist(),
+        "names": space.labels(),
+        "terms": tiles.evaluate(search.objective, start[None], samples).terms[0].tolist(),
+    }
+    print(json.dumps(results))
+
+
+if __name__ == "__main__":
+    main()
