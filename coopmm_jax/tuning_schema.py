@@ -53,7 +53,7 @@ class Bounds(Section):
 class Weights(Section):
     """[tuning.weights]: of the cost's terms, each of which is 1 under the starting gains."""
 
-    object: NotNegative = 1.0  # squared distance of the object from its desired point
+    object: NotNegative = 1.0  # from tracking_from on: squared distance of the object from its desired point
     relative: NotNegative = 1.0  # likewise of tip I on the object's arc
     posture: NotNegative = 1.0  # squared errors of both platforms and arms
     force: NotNegative = 1.0  # squared error of the normal contact force
@@ -74,7 +74,8 @@ class Tuning(Section):
     risk: Literal["mean", "cvar", "soft_worst", "worst"] = quantity("mean", "how samples' costs become one")
     risk_level: Level = quantity(0.9, "cvar: share of the samples left out, the best ones")
     sharpness: Positive = quantity(2.0, "soft_worst: of the exponential; towards worst as it grows")
-    horizon: Positive = quantity(1.0, "simulated time per sample while searching, at most simulation.duration [s]")
+    tracking_from: NotNegative = quantity(1.5, "time before which tracking does not count, the start decides it [s]")
+    horizon: Positive = quantity(3.0, "simulated time per sample while searching, at most simulation.duration [s]")
     samples: Count = quantity(16, "training samples, drawn anew in every iteration")
     validation_samples: Count = quantity(32, "fixed samples over the whole duration, which pick the best iterate")
     test_samples: Count = quantity(128, "samples for the final figures alone")

@@ -21,7 +21,7 @@ from tuning.optimise import Candidate, Search
 from tuning.risk import risk
 
 MASS = {"plant.m_p": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}}
-QUICK = {"validation_samples": 4, "test_samples": 8, "race_samples": 2, "samples": 3, "starts": 16, "horizon": 0.5}
+QUICK = {"validation_samples": 4, "test_samples": 8, "race_samples": 2, "samples": 3, "starts": 16, "horizon": 2.0}
 
 
 def scenario(**settings):
@@ -249,6 +249,7 @@ def test_nothing_is_overwritten_by_a_run_that_does_not_fit(rollouts, tmp_path):
     [
         ({"uncertainty": {}}, "uncertainty: must be given"),
         ({"tuning": {"horizon": 30.0}}, r"tuning\.horizon: must be at most simulation\.duration"),
+        ({"tuning": {"tracking_from": 3.0}}, r"tuning\.tracking_from: must be before tuning\.horizon"),
         ({"tuning": {"survivors": 9, "starts": 8}}, r"tuning\.survivors: must be at most tuning\.starts"),
         ({"tuning": {"optimiser": "adamm"}}, r"tuning\.optimiser: must be lbfgs or an optimiser of optax"),
         ({"tuning": {"optimiser": "chain"}}, r"tuning\.optimiser"),

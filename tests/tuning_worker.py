@@ -27,6 +27,7 @@ SCENARIO = {
         "gains": list(Bounds.model_fields),
         "channels": "shared",
         "horizon": HORIZON,
+        "tracking_from": 0.03,
         "validation_samples": 4,
         "weights": dict.fromkeys(TERMS, 1.0),
     },

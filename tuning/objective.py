@@ -2,7 +2,7 @@
 
 >>> import jax
 >>> from coopmm_jax.scenario import load_scenario
->>> scenario = load_scenario("paper", simulation={"duration": 0.01}, tuning={"horizon": 0.01})
+>>> scenario = load_scenario("paper", simulation={"duration": 0.01}, tuning={"horizon": 0.01, "tracking_from": 0.0})
 >>> objective = Objective.of(scenario, scenario.structure(), horizon=0.01)
 >>> cost = jax.jit(objective.cost)(objective.space.start, scenario.parameters(), jnp.ones(len(TERMS)))
 >>> bool(cost > 0)
@@ -42,6 +42,7 @@ TERMS: dict[str, tuple[str, float]] = {
     "torque_variation": ("N m/s", 1.0),
     "saturation": ("N^2 m^2", 1e-2),
 }
+TRACKING = ("object", "relative", "posture")
 # A rollout that fails costs this, and up to twice as much the earlier it fails: more than any that completes.
 FAILED = 1e6
 _SEGMENT = 50  # steps between checkpoints of the reverse pass
@@ -71,11 +72,13 @@ class Objective:
     structure: Structure
     step: float  # time between samples [s]
     steps: int  # of the horizon
+    tracking_from: float  # [s]; earlier errors are the start's, which no gain can undo, and would drown the later ones
 
     @classmethod
     def of(cls, scenario: Scenario, structure: Structure, horizon: float) -> Objective:
         """The objective of a scenario over a horizon [s]; ``structure`` has every effect that varies."""
-        return cls(gain_space(scenario), structure, scenario.sample_time, round(horizon / scenario.sample_time))
+        step = scenario.sample_time
+        return cls(gain_space(scenario), structure, step, round(horizon / step), scenario.tuning.tracking_from)
 
     def evaluate(self, vector: Any, parameters: Parameters, checkpoint: bool = False) -> Evaluation:
         """Terms of the rollout with the gains of ``vector`` (n,).
@@ -109,6 +112,8 @@ class Objective:
             change = sum(_size(now - before) for now, before in zip(torque, total.torque, strict=True))
             first = t < 0.5 * self.step
             terms = _terms(self.structure, parameters, t, signals)
+            for name in TRACKING:
+                terms[name] = jnp.where(t > self.tracking_from - 0.5 * self.step, terms[name], 0.0)
             terms["torque_variation"] = jnp.where(first, 0.0, change / self.step)
             sums = tuple(old + terms[name] for old, name in zip(total.terms, TERMS, strict=True))
             return Total(sums, torque)

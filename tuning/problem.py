@@ -52,6 +52,9 @@ def build_problem(scenario: Scenario) -> Problem:
         raise UserError("uncertainty", "given, so that there is something to be robust against", "empty")
     if settings.horizon > duration:
         raise UserError("tuning.horizon", f"at most simulation.duration ({duration:g} s)", settings.horizon)
+    if settings.tracking_from >= settings.horizon:
+        must = f"before tuning.horizon ({settings.horizon:g} s)"
+        raise UserError("tuning.tracking_from", must, settings.tracking_from)
     if round(settings.horizon / scenario.sample_time) < 1:
         raise UserError("tuning.horizon", f"at least one sample time ({scenario.sample_time:g} s)", settings.horizon)
     if settings.survivors > settings.starts:
