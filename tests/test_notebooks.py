@@ -1,0 +1,64 @@
+"""The notebooks run from a clean checkout, at small size, and are committed without what running them leaves behind."""
+
+import os
+import re
+from pathlib import Path
+
+import jax
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+from coopmm_jax import list_scenarios
+
+EXPERIMENTS = Path(__file__).parents[1] / "experiments"
+NOTEBOOKS = sorted((EXPERIMENTS / "notebooks").glob("*.ipynb"))
+each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+SECONDS = 300  # of one cell, with every function compiled anew on a busy machine
+
+
+@pytest.fixture
+def environment():
+    """Small size, and the compilation cache of the tests."""
+    return os.environ | {"COOPMM_SMALL": "1", "COOPMM_CACHE_DIR": jax.config.jax_compilation_cache_dir}
+
+
+@each_notebook
+def test_runs(path, environment):
+    notebook = nbformat.read(path, as_version=4)
+    client = NotebookClient(notebook, timeout=SECONDS, resources={"metadata": {"path": path.parent}})
+    client.execute(env=environment)
+    outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
+    assert not [output.text for output in outputs if "Warning" in output.get("text", "")]
+    assert any("image/png" in output.get("data", {}) for output in outputs)
+
+
+@each_notebook
+def test_is_committed_as_it_was_written(path):
+    """No outputs, no counts; cells with names of their own, so that a change to one is a change to one."""
+    text = path.read_text(encoding="utf-8")
+    notebook = nbformat.reads(text, as_version=4)
+    nbformat.validate(notebook)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert all(cell.outputs == [] and cell.execution_count is None for cell in code), "clear all outputs"
+    assert all(cell.metadata == {} for cell in notebook.cells), "clear the cells' metadata"
+    assert set(notebook.metadata) == {"kernelspec", "language_info"}
+    assert set(notebook.metadata.language_info) == {"name"}
+    assert all(cell.id.replace("-", "").isalpha() for cell in notebook.cells), "give every cell's id a name"
+    assert text == nbformat.writes(notebook) + "\n", "write it as nbformat does"
+
+
+@each_notebook
+def test_first_cell_says_what_is_compiled_and_how_large(path):
+    first = next(cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code").source
+    assert "runtime.use_compilation_cache()" in first
+    assert '"COOPMM_SMALL" in os.environ' in first
+
+
+def test_readme_lists_every_experiment_once():
+    text = (EXPERIMENTS / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(?:python -m )?(.+?)` \| .+ \|$", text, flags=re.MULTILINE)
+    scripts = (path.relative_to(EXPERIMENTS.parent) for path in EXPERIMENTS.rglob("*.py"))
+    wanted = [".".join(path.with_suffix("").parts) for path in scripts if path.stem != "__init__"]
+    wanted += [*list_scenarios(), *(path.name for path in NOTEBOOKS)]
+    assert sorted(rows) == sorted(wanted)
