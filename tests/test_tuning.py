@@ -67,7 +67,7 @@ def rollouts(monkeypatch):
         metrics = {name: np.ones((2, count)) for name in ("contact_loss_fraction", "force_min")}
         series = {name: np.ones((2, 2, 3)) for name in measure.sweep_tiles.SERIES}
         costs = found.costs(problem.validation.coefficients)
-        return Comparison(costs, found.terms, metrics, found.completed, np.arange(3.0), series)
+        return Comparison(costs, found.terms, metrics, np.where(found.completed, 0, 1), np.arange(3.0), series)
 
     monkeypatch.setattr(tiles, "evaluate", evaluate)
     monkeypatch.setattr(tiles, "gradients", gradients)

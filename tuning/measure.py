@@ -1,7 +1,9 @@
-"""Two sets of gains on the same samples: costs, terms and metrics, paired sample by sample."""
+"""Several sets of gains on the same samples: costs, terms and metrics, paired sample by sample."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import jax
@@ -10,8 +12,11 @@ import numpy as np
 from coopmm_jax import sweep_tiles
 from coopmm_jax.distributed import concurrently, slots
 from coopmm_jax.metric_table import METRICS
+from coopmm_jax.requirements import Requirement
+from coopmm_jax.status import Status
 from coopmm_jax.sweep_tiles import Horizon
 from tuning import tiles
+from tuning.risk import tail_shares
 from tuning.tiles import TILE, Samples
 
 if TYPE_CHECKING:
@@ -22,18 +27,27 @@ BANDS = 32  # samples whose series are kept for figures
 
 
 class Comparison(NamedTuple):
-    """Before (0) and after (1), along the first axis of every array; the samples are the same."""
+    """S sets of gains, as tuning's before (0) and after (1), along the first axis; the N samples are the same."""
 
-    costs: np.ndarray  # (2, N)
-    terms: np.ndarray  # (2, N, 9) time averages, in the order of TERMS
-    metrics: dict[str, np.ndarray]  # (2, N) by name
-    completed: np.ndarray  # (2, N)
+    costs: np.ndarray  # (S, N)
+    terms: np.ndarray  # (S, N, 9) time averages, in the order of TERMS, of a failed rollout until then
+    metrics: dict[str, np.ndarray]  # (S, N) by name
+    status: np.ndarray  # (S, N) codes of ``Status``
     times: np.ndarray  # (T,) [s]
-    series: dict[str, np.ndarray]  # (2, B, T) of the first samples, by name
+    series: dict[str, np.ndarray]  # (S, B, T) of the first samples, by name; NaN from a failure on
+
+    @property
+    def completed(self) -> np.ndarray:
+        """Which rollouts reached the horizon (S, N)."""
+        return self.status == Status.OK
+
+    def met(self, requirement: Requirement) -> np.ndarray:
+        """Which rollouts completed and keep a limit (S, N)."""
+        return self.completed & requirement.met(self.metrics[requirement.metric])
 
 
 def compare(problem: Problem, vectors: np.ndarray, first: int, count: int) -> Comparison:
-    """The gains of two vectors (2, n) on the samples ``first`` to ``first + count - 1``, over the whole duration."""
+    """The gains of S vectors (S, n) on the samples ``first`` to ``first + count - 1``, over the whole duration."""
     search, samples = problem.validation, problem.samples(first, count)
     found = tiles.evaluate(search.objective, vectors, samples)
     scenario = problem.scenario
@@ -44,8 +58,8 @@ def compare(problem: Problem, vectors: np.ndarray, first: int, count: int) -> Co
     return Comparison(
         costs=found.costs(search.coefficients),
         terms=found.terms,
-        metrics={name: np.stack([table[:, i] for table in measured]) for i, name in enumerate(METRICS)},
-        completed=found.completed,
+        metrics={name: np.stack([table[:, i] for table, _ in measured]) for i, name in enumerate(METRICS)},
+        status=np.stack([status for _, status in measured]),
         times=horizon.times(),
         series={name: np.stack([one[name] for one in series]) for name in series[0]},
     )
@@ -58,19 +72,23 @@ def _with_gains(problem: Problem, vector: np.ndarray, samples: Samples, rows: np
     return parameters._replace(gains=gains)
 
 
-def _measured(problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon) -> np.ndarray:
-    """Metrics of every sample (N, M)."""
-    results: dict[int, np.ndarray] = {}
+def _measured(
+    problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon
+) -> tuple[np.ndarray, np.ndarray]:
+    """Metrics (N, M) and status (N,) of every sample."""
+    results: dict[int, sweep_tiles.Measured] = {}
 
     def compute(device: jax.Device, start: int) -> None:
         rows = np.minimum(np.arange(start, start + TILE), len(samples) - 1)
         with jax.enable_x64(True):
             parameters = _with_gains(problem, vector, samples, rows)
-        results[start] = sweep_tiles.measure(problem.variation.structure(), horizon, device, parameters).metrics
+        results[start] = sweep_tiles.measure(problem.variation.structure(), horizon, device, parameters)
 
     for _ in concurrently(compute, range(0, len(samples), TILE), slots()):
         pass
-    return np.concatenate([results[start] for start in sorted(results)])[: len(samples)]
+    in_order = [results[start] for start in sorted(results)]
+    columns = ([one.metrics for one in in_order], [one.status for one in in_order])
+    return tuple(np.concatenate(column)[: len(samples)] for column in columns)
 
 
 def _series(problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon) -> dict[str, np.ndarray]:
@@ -89,7 +107,7 @@ class Change(NamedTuple):
     high: float
 
 
-def ratio(values: np.ndarray, statistic: object = np.mean, seed: int = 0) -> Change:
+def ratio(values: np.ndarray, statistic: Callable[[np.ndarray], float] = np.mean, seed: int = 0) -> Change:
     """How a statistic of paired values (2, N) changed.
 
     >>> ratio(np.array([[2.0, 4.0], [1.0, 2.0]]))
@@ -100,3 +118,20 @@ def ratio(values: np.ndarray, statistic: object = np.mean, seed: int = 0) -> Cha
     ratios = after / np.maximum(before, 1e-300)
     low, high = np.quantile(ratios, [0.025, 0.975])
     return Change(float(statistic(values[0])), float(statistic(values[1])), float(low), float(high))
+
+
+def tail_mean(costs: np.ndarray, level: float) -> float:
+    """Mean of the worst (1 - level) N of N costs: the conditional value at risk.
+
+    >>> tail_mean(np.arange(10.0), 0.8)
+    8.5
+    """
+    return float(np.sum(np.sort(costs)[::-1] * tail_shares(len(costs), level)))
+
+
+# What tables say of the costs of many samples, by name.
+STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
+    "cost, mean": np.mean,
+    "cost, CVaR(0.9)": partial(tail_mean, level=0.9),
+    "cost, worst": np.max,
+}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,14 +11,11 @@ from coopmm_jax.plotting.style import save
 from coopmm_jax.requirements import Requirement, success
 from coopmm_jax.store import write_json
 from tuning import figures
-from tuning.measure import Change, ratio
+from tuning.measure import STATISTICS, Change, ratio
 from tuning.objective import TERMS
-from tuning.risk import tail_shares
 
 if TYPE_CHECKING:
     from tuning.tune import TuningResult
-
-TAIL = 0.9  # of the conditional value at risk in the table
 
 
 def write_report(folder: Path, result: TuningResult) -> None:
@@ -36,11 +32,7 @@ def write_report(folder: Path, result: TuningResult) -> None:
 def changes(result: TuningResult) -> dict[str, Change]:
     """Costs and terms before and after, with 95 % intervals of the ratio by paired bootstrap."""
     comparison = result.comparison
-    found = {
-        "cost, mean": ratio(comparison.costs),
-        f"cost, CVaR({TAIL:g})": ratio(comparison.costs, partial(_tail_mean, level=TAIL)),
-        "cost, worst": ratio(comparison.costs, np.max),
-    }
+    found = {name: ratio(comparison.costs, statistic) for name, statistic in STATISTICS.items()}
     for i, (name, (unit, _)) in enumerate(TERMS.items()):
         found[f"{name} [{unit}]"] = ratio(comparison.terms[:, :, i])
     return found
@@ -81,12 +73,5 @@ def _losses(result: TuningResult) -> str:
 
 
 def _requirement(result: TuningResult, requirement: Requirement) -> dict[str, object]:
-    comparison, outcome = result.comparison, {}
-    for i, when in enumerate(("before", "after")):
-        met = comparison.completed[i] & requirement.met(comparison.metrics[requirement.metric][i])
-        outcome[when] = success(int(met.sum()), len(met))._asdict()
-    return {"requirement": str(requirement), "success": outcome}
-
-
-def _tail_mean(costs: np.ndarray, level: float) -> float:
-    return float(np.sum(np.sort(costs)[::-1] * tail_shares(len(costs), level)))
+    rates = (success(int(met.sum()), len(met))._asdict() for met in result.comparison.met(requirement))
+    return {"requirement": str(requirement), "success": dict(zip(("before", "after"), rates, strict=True))}
