@@ -44,5 +44,8 @@ def friction_torque(hardware: Hardware, rates: Vector) -> Vector:
 
 
 def smooth_sign(x: Scalar, width: Scalar) -> Scalar:
-    """x / sqrt(x^2 + width^2): the sign of x, passing zero over about ``width``; cheaper than tanh and as smooth."""
+    """x / sqrt(x^2 + width^2) of scalars: the sign of x, passing zero over about ``width``.
+
+    Cheaper than tanh and as smooth.
+    """
     return x / jnp.sqrt(x * x + width * width)

@@ -133,7 +133,7 @@ def check_look(fps: float, speed: float, width: int, count: int = 1) -> None:
     """Whether an animation can look like this.
 
     Args:
-        fps, speed, width: as of ``animate``. count: how many runs it shows.
+        fps, speed: as of ``animate``. width: of the picture [pixel]. count: how many runs it shows.
 
     Raises:
         UserError: it cannot.

@@ -72,13 +72,13 @@ def act(
     command: MotionCommand,
     state: State,
 ) -> Action:
-    """Close the force loop: from the motion force and the measured contact force to torques and accelerations.
+    """Close the force loop below (17): from motion force and measured contact force to torques and accelerations.
 
     An instantaneous loop is solved as if torque had no limits and the controller's J were the plant's; the error that
     goes into the integral is that of the force which then really acts.
 
     Args:
-        truth, seen: kinematics of the plant, and as the controller measures them.
+        t: time [s]. truth, seen: kinematics of the plant, and as the controller measures them.
     """
     gains, integral = model.gains, state.memory.force_integral
     desired = desired_force(model.reference, structure.rows)
@@ -138,7 +138,7 @@ def _pair(torque: Vector) -> tuple[Vector, Vector]:
 
 
 def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> tuple[State, Signals]:
-    """Rates of the state and the loop's signals, the controller running in continuous time.
+    """Rates of the state, (11) under (12)-(24), and the loop's signals; the controller runs in continuous time.
 
     Args:
         structure: static choices. model: pytree of scalars, from ``build_model``. t: time [s].
@@ -178,7 +178,7 @@ def _device_rates(structure: Structure, model: Model, action: Action, devices: D
 def observe(
     structure: Structure, model: Model, truth: coupling.Kinematics, state: State, sigma: Vector, action: Action
 ) -> Signals:
-    """The signals at one instant."""
+    """The signals at one instant, from the plant's kinematics, sigma (n,) below (15) and what was done."""
     lam = action.moved.multipliers
     return Signals(
         position=state.position,

@@ -25,21 +25,21 @@ def _structural(a: Scalar, value: int) -> bool:
 
 
 def add(a: Scalar, b: Scalar) -> Scalar:
-    """a + b, dropping structural zeros."""
+    """Scalars a + b, dropping structural zeros."""
     if _structural(a, 0):
         return b
     return a if _structural(b, 0) else a + b
 
 
 def sub(a: Scalar, b: Scalar) -> Scalar:
-    """a - b, dropping structural zeros."""
+    """Scalars a - b, dropping structural zeros."""
     if _structural(b, 0):
         return a
     return -b if _structural(a, 0) else a - b
 
 
 def mul(a: Scalar, b: Scalar) -> Scalar:
-    """a b, dropping structural zeros and ones."""
+    """Product of scalars, dropping structural zeros and ones."""
     if _structural(a, 0) or _structural(b, 0):
         return 0
     if _structural(a, 1):
@@ -69,12 +69,12 @@ def minus(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
 
 
 def scaled(factor: Scalar, vector: Sequence[Scalar]) -> Vector:
-    """factor * vector."""
+    """A vector (n,) times a scalar."""
     return tuple(mul(factor, x) for x in vector)
 
 
 def norm(vector: Sequence[Scalar]) -> Scalar:
-    """Euclidean norm, smoothed as sqrt(x.x + 1e-16) so that its gradient exists at zero (model.md section 3)."""
+    """Euclidean norm of a vector (n,), smoothed as sqrt(x.x + 1e-16) so that its gradient exists at zero."""
     return jnp.sqrt(dot(vector, vector) + 1e-16)
 
 
@@ -90,6 +90,7 @@ class Matrix:
 
     @property
     def T(self) -> Matrix:
+        """The transpose (columns, rows)."""
         return Matrix(list(zip(*self.rows, strict=True)))
 
     def __matmul__(self, other: Matrix | Sequence[Scalar]) -> Any:
@@ -110,14 +111,14 @@ class Matrix:
 
 
 def congruence(L: Matrix, M: Matrix) -> Matrix:
-    """L^T M L for symmetric M, computing each off-diagonal entry once."""
+    """L^T M L (k x k) for symmetric M (n x n) and L (n x k), computing each off-diagonal entry once."""
     ML, columns = (M @ L).T.rows, L.T.rows
     lower = [[dot(columns[i], ML[j]) for j in range(i + 1)] for i in range(len(columns))]
     return Matrix([[lower[max(i, j)][min(i, j)] for j in range(len(columns))] for i in range(len(columns))])
 
 
 def cholesky_solve(A: Matrix, *right_sides: Sequence[Scalar]) -> list[Vector]:
-    """Solve A x = b for each right side b with an unrolled L D L^T factorisation; A symmetric positive definite.
+    """Solve A x = b for each right side b (n,) by unrolled L D L^T; A (n x n) is symmetric positive definite.
 
     L D L^T rather than Cholesky: n divisions and no square roots, which cost ten multiplications each.
     """
@@ -205,7 +206,7 @@ def _horner(coefficients: Sequence[float], x: Scalar) -> Scalar:
 
 @jax.custom_jvp
 def sincos(x: Scalar) -> tuple[Scalar, Scalar]:
-    """sin x and cos x together, for |x| up to 1e5 to 1e-15 in float64 and 6e-7 in float32.
+    """sin x and cos x of a scalar x [rad] together, for |x| up to 1e5 to 1e-15 in float64 and 6e-7 in float32.
 
     A polynomial of our own, because XLA's CPU back end calls libm once per element for these two while it vectorises
     everything else. Half angles make one interval of the whole circle: choosing quadrants instead takes comparisons,

@@ -1,4 +1,4 @@
-"""The constraint rows: residual phi, Jacobian J, and Jdot u, row by row (model.md section 2).
+"""The constraint rows behind (10): residual phi, Jacobian J, and Jdot u, row by row.
 
 ``contact_normal`` and ``contact_height`` tie the tip of robot I to the object carried by robot II; ``guide_radial`` and
 ``guide_height`` hold robot II's tip, the object, on its circle. Tips and the arc's centre are handled along the two
@@ -85,7 +85,8 @@ def constraint_rows(
     """phi and J of the rows in force; J u = 0, or J u = -dphi/dt where the surface moves.
 
     Args:
-        names: constraint rows, in the order of ``ALL_ROWS``. radius: of the arc now, where it is not its nominal Rc.
+        names: constraint rows, in the order of ``ALL_ROWS``. radius: of the arc now [m], where it is not its nominal
+            Rc.
     """
     Rc, Rg = surface.contact_radius, surface.guide_radius
     now = Rc if radius is None else radius
@@ -131,7 +132,7 @@ def sliding_rows(surface: Surface, geometry: tuple[Geometry, Geometry], b: Bodie
 
 
 def surface_motion(hardware: Hardware, surface: Surface, t: Scalar) -> SurfaceMotion:
-    """The moving arc's radius, and the first two partial time derivatives of the normal row's phi."""
+    """The moving arc's radius, and the first two partial time derivatives of the normal row's phi, at t [s]."""
     angle = hardware.surface_frequency * t + hardware.surface_phase
     s, c = sincos(angle)
     radius = surface.contact_radius + hardware.surface_amplitude * s

@@ -34,8 +34,10 @@ class Packed:
         return jax.tree.unflatten(self.structure, [self.values[..., i] for i in range(self.values.shape[-1])])
 
     def tree_flatten(self) -> tuple[tuple[Any], Any]:
+        """What JAX traces, and what it compares."""
         return (self.values,), self.structure
 
     @classmethod
     def tree_unflatten(cls, structure: Any, children: tuple[Any]) -> Packed:
+        """The inverse of ``tree_flatten``."""
         return cls(*children, structure)

@@ -41,7 +41,7 @@ def disturbance_torque(disturbance: Disturbance, t: Scalar) -> Vector:
 def plant_kinematics(
     structure: Structure, model: Model, t: Scalar, position: tuple, independent: Vector
 ) -> coupling.Kinematics:
-    """The true constrained motion, moving surface included."""
+    """The true constrained motion (10) at t [s], moving surface included; ``independent`` is u^1 (n,)."""
     moving = "surface_motion" in structure.features
     motion = surface_motion(model.hardware, model.surface, t) if moving else None
     return coupling.kinematics(model, structure.rows, position, independent, motion)

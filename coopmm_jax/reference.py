@@ -1,4 +1,4 @@
-"""Desired motion and force of section IV, with the derivatives the control law asks for."""
+"""Desired motion and force of section IV, with the derivatives that (12) and (13) ask for."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Desired(NamedTuple):
 
 
 def desired_motion(reference: Reference, t: Scalar) -> tuple[Desired, Desired]:
-    """Both robots drive circles of radius z_d2 at a constant rate; arm yaw swings about its centre.
+    """At t [s] both robots drive circles of radius z_d2 at a constant rate; arm yaw swings about its centre.
 
-    The chained form of a circle about the origin is z_d = (rate t, radius, 0), u_d = (rate, 0).
+    The chained form (6) of a circle about the origin is z_d = (rate t, radius, 0), u_d = (rate, 0).
     """
     s, c = sincos(reference.arm_rate * t)
     desired = []

@@ -153,12 +153,12 @@ def body_bias(lumped: Lumped, geometry: Geometry, gravity: Scalar, arm: Posture,
 
 
 def body_map(position: Position) -> Matrix:
-    """T(z2) with body rates = T u: T2 of (7) and the absolute angles in one matrix."""
+    """T(z2) (5 x 5) with body rates = T u: T2 of (7) and the absolute angles in one matrix."""
     return Matrix([[position.z2, 1, 0, 0, 0], [1, 0, 0, 0, 0], [1, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 1]])
 
 
 def body_map_rate(position: Position, u: Vector) -> Vector:
-    """Tdot u: only V = u2 + z2 u1 has a coefficient that moves, z2dot = u1 z3."""
+    """Tdot u (5,): only V = u2 + z2 u1 has a coefficient that moves, z2dot = u1 z3."""
     return (u[0] * u[0] * position.z3, 0, 0, 0, 0)
 
 
@@ -220,7 +220,7 @@ def arm_angles(geometry: Geometry, reach: Scalar, rise: Scalar, elbow: Scalar) -
 
 
 def tip_rows(geometry: Geometry, arm: Posture) -> tuple[Vector, Vector, Vector]:
-    """Jacobian rows of the tip's velocity along e, n and up, in body rates."""
+    """Jacobian rows (5,) of the tip's velocity along e, n and up, in body rates."""
     b, s1, c1 = geometry.mount_offset, arm.s1, arm.c1
     A, B = 2.0 * geometry.l2, 2.0 * geometry.l3
     along = (c1, b * s1, 0, -A * arm.sA, -B * arm.sB)

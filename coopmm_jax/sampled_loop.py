@@ -26,7 +26,7 @@ class Noise(NamedTuple):
 
 
 def draw_noise(structure: Structure, model: Model, sample: Scalar) -> Noise:
-    """Gaussian errors of one sample.
+    """Gaussian errors of one sample; ``sample`` is its number, a scalar.
 
     The key is folded from seed, stream and sample number, so a rollout's noise does not depend on the batch it is in.
     """
@@ -119,7 +119,11 @@ def _hold(
 def sense(
     structure: Structure, model: Model, period: Scalar, devices: Devices, forces: Vector, noise: Noise | None
 ) -> Devices:
-    """The force sensor at the next sample: noise, delay line, then the exact first-order lag over one period."""
+    """The force sensor at the next sample: noise, delay line, then the exact first-order lag over one period.
+
+    Args:
+        period: control period [s]. forces: lambda (m,) at this sample [N].
+    """
     if ideal_sensing(structure):
         return devices
     arriving = forces if noise is None else plus(forces, noise.force)
@@ -135,7 +139,7 @@ def sense(
 
 
 def initial_devices(structure: Structure, zero: Scalar) -> Devices:
-    """Sensors and actuators at rest."""
+    """Sensors and actuators at rest; ``zero`` is a scalar of the rollout's dtype."""
     force = (zero,) * len(structure.rows)
     waiting = structure.force_delay if "force_lag" in structure.features else structure.force_delay - 1
     return Devices(

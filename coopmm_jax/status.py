@@ -52,7 +52,7 @@ class Health(NamedTuple):
 
 
 def within(values: tuple[Scalar, ...], limit: float) -> Scalar:
-    """Whether every value is finite and within +-limit (a comparison with NaN is false)."""
+    """Whether all scalars are finite and within +-limit (a comparison with NaN is false)."""
     ok = jnp.abs(values[0]) < limit
     for value in values[1:]:
         ok = ok & (jnp.abs(value) < limit)
@@ -60,7 +60,7 @@ def within(values: tuple[Scalar, ...], limit: float) -> Scalar:
 
 
 def judge(proposed: State, signals: Signals, start_determinants: tuple[Scalar, ...]) -> Scalar:
-    """Status code of one step from the state it proposes and the signals at its start."""
+    """Status code (a scalar) of one step from the state it proposes and the signals at its start."""
     memory = proposed.memory
     states = (*memory.integral, *memory.eta, *memory.c_hat, *memory.force_integral)
     code = jnp.where(within(states, MEMORY_LIMIT), Status.OK.value, Status.CONTROLLER.value)

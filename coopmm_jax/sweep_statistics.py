@@ -166,7 +166,7 @@ def spread(results: Results, metric: str) -> Spread | None:
 
 
 def worst_samples(results: Results, metric: str, count: int) -> np.ndarray:
-    """Positions among the computed samples of the worst values of a metric, worst first (at most ``count``,).
+    """Positions (k,), k <= ``count``, among the computed samples of the worst values of a metric, worst first.
 
     Of ``COMPLETED``: of samples that did not complete.
     """
@@ -207,7 +207,7 @@ def _of(results: Results, metric: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rank_correlation(x: np.ndarray, y: np.ndarray) -> Interval:
-    """Spearman's rank correlation of at least four samples, with its 95 % interval.
+    """Spearman's rank correlation of x (N,) and y (N,), N >= 4, with its 95 % interval.
 
     Fisher's transformation with the variance of Bonett and Wright (2000), (1 + r^2 / 2) / (n - 3).
     """

@@ -83,7 +83,7 @@ class SweepStore:
         return self.path is not None and all(path.exists() for path in self._files(tile))
 
     def write(self, tile: int, values: Mapping[str, np.ndarray]) -> None:
-        """Write one tile: arrays by name, one row for each of its samples, the last ones perhaps beyond the sweep."""
+        """Write one tile: arrays (B, ...) by name, the last of its B samples perhaps beyond the sweep."""
         size = self._contents.tile
         for name, rows in values.items():
             array = self._arrays[name]
@@ -167,7 +167,7 @@ def read_store(path: str | Path) -> xarray.Dataset:
 
 
 def values(data: xarray.DataArray) -> np.ndarray:
-    """The values of a variable of a store, all read now.
+    """The values (...) of a variable of a store, all read now.
 
     Raises:
         UserError: a chunk is corrupt.

@@ -100,7 +100,7 @@ class Variation:
         return jax.tree.map(lambda x: np.broadcast_to(x, len(indices)), parameters._replace(hardware=hardware))
 
     def sample(self, index: int, values: dict[str, float]) -> Scenario:
-        """The scenario of one sample, complete and without uncertainty, from its index and its numbers by name.
+        """The scenario of one sample, complete and certain, from its index and its numbers (scalars) by name.
 
         Its masses and inertias of the controller's model are spelt out, so that they stay what they were.
         """

@@ -38,7 +38,11 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
-    """Simulate or load what is to be shown, and write the animation."""
+    """Simulate or load what is to be shown, and write the animation.
+
+    Raises:
+        UserError: overrides that change nothing, or as ``animate``, ``load_scenario`` and ``read_run``.
+    """
     from coopmm_jax import animation  # imports matplotlib
 
     path = Path(options.out).expanduser()

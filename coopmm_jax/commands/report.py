@@ -30,7 +30,11 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
-    """Print the report and write its files; other requirements than the sweep's may be given."""
+    """Print the report and write its files; other requirements than the sweep's may be given.
+
+    Raises:
+        UserError: an override of anything else, no sweep's store, or a folder that cannot be written.
+    """
     for name in changes:
         if not name.startswith("requirements."):
             raise UserError(f"--{name}", "one of --requirements.METRIC, which alone can be changed after a sweep", name)

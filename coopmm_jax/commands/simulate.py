@@ -41,7 +41,11 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
-    """Simulate, print, and write results if a folder is named."""
+    """Simulate, print, and write results if a folder is named.
+
+    Raises:
+        UserError: not one source of the scenario, or as ``load_scenario``, ``replay``, ``read_gains`` and ``simulate``.
+    """
     if options.gains_file:
         changes = merged(read_gains(options.gains_file), changes)
     if options.precision:

@@ -43,7 +43,11 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
-    """Sweep, then report if this process finds all tiles complete."""
+    """Sweep, then report if this process finds all tiles complete.
+
+    Raises:
+        UserError: an unusable file of --uncertainty, or as ``load_scenario``, ``share`` and ``sweep``.
+    """
     if options.uncertainty:
         changes = merged(_uncertainty_file(options.uncertainty), changes)
     scenario = load_scenario(options.scenario, **changes)

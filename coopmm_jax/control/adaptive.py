@@ -21,12 +21,12 @@ class Regressors(NamedTuple):
 
 
 def schedule(t: Scalar) -> Scalar:
-    """alpha_k(t) = delta_k(t) = 1 / (1 + t)^2: vanishing and integrable, as Assumption 3.1 asks."""
+    """alpha_k(t) = delta_k(t) = 1 / (1 + t)^2, t [s]: vanishing and integrable, as Assumption 3.1 asks."""
     return 1.0 / (1.0 + t) ** 2
 
 
 def boundary_layer(gains: Gains, t: Scalar) -> Scalar:
-    """delta_k(t) of (19), held above the design parameter ``delta_floor`` so that the robust term stays smooth."""
+    """delta_k(t) of (19), t [s], held above the parameter ``delta_floor`` so that the robust term stays smooth."""
     return jnp.maximum(schedule(t), gains.delta_floor)
 
 

@@ -25,7 +25,7 @@ class Errors(NamedTuple):
 
 
 def chained_rates(position: Position, u1: Scalar, u2: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """(8) at n_v = 3: rates of z1, z2, z3."""
+    """(8) at n_v = 3: rates of z1, z2, z3 [rad/s, m/s, m/s]."""
     return u1, u1 * position.z3, u2
 
 
@@ -36,13 +36,13 @@ def backstepping_errors(gains: Gains, desired: Desired, position: Position) -> E
 
 
 def coupling_signal(gains: Gains, desired: Desired, position: Position) -> tuple[Scalar, Scalar]:
-    """Non-zero entries of Lambda_i, defined below (30): how velocity errors of the platform enter Vdot_1."""
+    """Lambda_i's non-zero entries (2,), defined below (30): how velocity errors of the platform enter Vdot_1."""
     s = backstepping_errors(gains, desired, position)
     return gains.k1 * s.s1 + s.s2 * position.z3 + gains.k2 * desired.u1 * s.s3 * position.z3, s.s3
 
 
 def eta_rate(gains: Gains, desired: Desired, position: Position, eta: Scalar) -> Scalar:
-    """(15), which is (28): eta_dot = -k0 eta - Lambda_1."""
+    """(15), which is (28): eta_dot = -k0 eta - Lambda_1 [rad/s^2]."""
     return -gains.k0 * eta - coupling_signal(gains, desired, position)[0]
 
 

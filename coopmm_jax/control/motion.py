@@ -55,7 +55,7 @@ def arm_joints(part: coupling.Partition, position: tuple[robot.Position, robot.P
 
 
 def with_posture(desired: Desired, posture: Vector, count: int) -> Desired:
-    """Desired motion of one robot whose first ``count`` arm joints are independent: yaw, then the nominal posture."""
+    """Desired motion of one robot whose first ``count`` arm joints are independent: yaw, then ``posture`` [rad]."""
     held = posture[: count - 1]
     return desired._replace(arm=desired.arm + tuple(held), arm_rate=desired.arm_rate + (0.0,) * len(held))
 
@@ -92,7 +92,13 @@ def motion_errors(
     memory: Memory,
     eta_rates: tuple[Scalar, Scalar],
 ) -> MotionErrors:
-    """utilde, sigma and nudot; zdot is the chain rule over t, the positions and eta, by forward differentiation."""
+    """utilde, sigma and nudot (n,) below (15).
+
+    zdot is the chain rule over t, the positions and eta, by forward differentiation.
+
+    Args:
+        t: time [s]. rates: of all coordinates. independent: u^1 (n,). eta_rates: (15) of each robot [rad/s^2].
+    """
     z, z_rate = jax.jvp(
         lambda *at: reference_velocities(model, part, *at),
         (t, position, memory.eta),
@@ -146,7 +152,11 @@ def motion_control(
 def regressors(
     reduction: coupling.Reduction, acceleration: Vector, independent: Vector, rates: tuple
 ) -> adaptive.Regressors:
-    """f_k of (19); |zetadot| is over all twelve coordinates, |L| is the Frobenius norm."""
+    """f_k of (19); |zetadot| is over all twelve coordinates, |L| is the Frobenius norm.
+
+    Args:
+        acceleration: nudot - K_sigma sigma (n,). independent: u^1 (n,). rates: of all coordinates.
+    """
     speed = norm(independent)
     return adaptive.Regressors(
         inertia=norm(acceleration),

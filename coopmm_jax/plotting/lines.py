@@ -131,7 +131,7 @@ def longest(group: Sequence[Run]) -> Trajectory:
 
 
 def mark_failures(axes: Axes, group: Sequence[Run], window: tuple[float, float]) -> None:
-    """A vertical line where a run stopped, named in the legend after its status."""
+    """A vertical line where a run stopped within a window [s], named in the legend after its status."""
     for run in group:
         time = run.trajectory.status_time
         if not run.trajectory.ok and window[0] <= time <= window[1]:

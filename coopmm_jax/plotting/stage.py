@@ -90,7 +90,11 @@ def row_layout(width: int, above: int, side_ratio: float) -> Layout:
 
 
 def column_layout(runs: int, width: int, above: int, side_ratio: float) -> Layout:
-    """Several runs side by side, the views of each below one another; arguments as for ``row_layout``."""
+    """Several runs side by side, the views of each below one another.
+
+    Args:
+        runs: how many. width, above, side_ratio: as for ``row_layout`` [pixel, pixel, -].
+    """
     column = width // runs
     view = column - LEFT - EDGE
     side = round(view * side_ratio)

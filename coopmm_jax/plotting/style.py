@@ -133,7 +133,8 @@ def save(figure: Figure, path: str | Path | BinaryIO, dpi: float = DPI) -> None:
     """Write a figure.
 
     Args:
-        path: a file, whose suffix says what to write (.png, .pdf, .svg), or a stream for PNG. dpi: pixels per inch.
+        path: a file, whose suffix says what to write (.png, .pdf, .svg), or a stream for PNG. dpi: resolution
+            [pixel/inch].
 
     Raises:
         OSError: the file cannot be written.

@@ -80,10 +80,13 @@ def sweep_requirements(sweep: xarray.Dataset | Results, axes: Any = None) -> Fig
 def sweep_importance(sweep: xarray.Dataset | Results, axes: Any = None) -> Figure:
     """Which draws matter: rank correlation with completion and each required metric, with its 95 % interval.
 
-    What is the same in all samples has no panel. Arguments and errors as for ``sweep_requirements``.
+    What is the same in all samples has no panel. Arguments as for ``sweep_requirements``.
 
     Returns:
         The figure that was drawn on.
+
+    Raises:
+        UserError: as ``sweep_requirements``, or no samples that differ.
     """
     return _by_metric(_importance_panel, sweep, axes)
 
@@ -93,10 +96,13 @@ def sweep_worst(sweep: xarray.Dataset | Results, axes: Any = None) -> Figure:
     """Which quantiles of their distributions the draws of the worst samples are: one panel for each required metric.
 
     A draw whose marks crowd at one end is one that breaks the requirement. What is the same in all samples has no
-    panel. Arguments and errors as for ``sweep_requirements``.
+    panel. Arguments as for ``sweep_requirements``.
 
     Returns:
         The figure that was drawn on.
+
+    Raises:
+        UserError: as ``sweep_requirements``, or no samples that differ.
     """
     return _by_metric(_worst_panel, sweep, axes)
 

@@ -174,7 +174,7 @@ def all_programs() -> list[Program]:
 
 
 def ratios(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """What a gradient costs in cost evaluations, alone and in a batch."""
+    """What a gradient costs in cost evaluations (scalars), alone and in a batch."""
     run = {row["program"]: row["run [s]"] for row in rows if row["precision"] == "float64"}
     return {
         "gradient / cost": run["cost and gradient"] / run["cost"],
