@@ -1,6 +1,5 @@
 """The command line: exit codes, messages, overrides and result folders, around a stand-in for the simulation."""
 
-import doctest
 import json
 import os
 import subprocess
@@ -12,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import coopmm_jax
-from coopmm_jax import __version__, cli, overrides, plotting
+from coopmm_jax import __version__, overrides, plotting
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
 from coopmm_jax.metric_table import METRICS, SHOWN
@@ -41,10 +40,6 @@ def simulation(monkeypatch):
     monkeypatch.setitem(vars(coopmm_jax), "simulate", stand_in)
     monkeypatch.setattr(plotting, "overview", lambda trajectory: Figure())
     return stand_in
-
-
-def test_examples_in_docstrings():
-    assert doctest.testmod(cli) == (0, 1)
 
 
 def test_scenarios_lists_one_line_each(capsys):

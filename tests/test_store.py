@@ -1,6 +1,5 @@
 """Result folders are complete or not there, and leave other people's files alone."""
 
-import doctest
 import json
 import math
 
@@ -8,14 +7,9 @@ import numpy as np
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax import store
 from coopmm_jax.errors import UserError
 from coopmm_jax.store import read_run, result_folder, versions, write_json, write_run
 from coopmm_jax.trajectory import ARRAYS
-
-
-def test_examples_in_docstrings():
-    assert doctest.testmod(store) == (0, 6)
 
 
 def test_new_folder_appears_whole_with_its_parents(tmp_path):
