@@ -59,6 +59,14 @@ def gradients(
     return costs, slopes
 
 
+def sensitivities(
+    objective: Objective, vectors: np.ndarray, samples: Samples, coefficients: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Costs (C, N) and their gradients by the samples' own numbers (C, N, leaves), in the order of ``Samples.rows``."""
+    costs, slopes = _run("sensitivity", objective, vectors, samples, coefficients)
+    return costs, slopes
+
+
 def _run(
     kind: str, objective: Objective, vectors: np.ndarray, samples: Samples, coefficients: np.ndarray
 ) -> list[np.ndarray]:
@@ -90,11 +98,16 @@ def _compiled(kind: str, objective: Objective, structure: Any, leaves: int) -> A
 @functools.lru_cache(maxsize=16)
 def _program(kind: str, objective: Objective, structure: Any, leaves: int) -> Any:
     def lane(vector: jax.Array, row: jax.Array, coefficients: jax.Array) -> tuple:
-        parameters = jax.tree.unflatten(structure, [row[i] for i in range(leaves)])
+        def parameters(row: jax.Array) -> Parameters:
+            return jax.tree.unflatten(structure, [row[i] for i in range(leaves)])
+
+        def cost(vector: jax.Array, row: jax.Array) -> jax.Array:
+            return objective.cost(vector, parameters(row), coefficients, True)
+
         if kind == "terms":
-            terms, completed, survived = objective.evaluate(vector, parameters)
+            terms, completed, survived = objective.evaluate(vector, parameters(row))
             return jnp.stack(terms), completed, survived
-        return jax.value_and_grad(objective.cost)(vector, parameters, coefficients, True)
+        return jax.value_and_grad(cost, {"gradient": 0, "sensitivity": 1}[kind])(vector, row)
 
     double = functools.partial(jax.ShapeDtypeStruct, dtype=np.float64)
     arguments = double((TILE, objective.space.size)), double((TILE, leaves)), double((len(TERMS),))
