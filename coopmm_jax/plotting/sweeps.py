@@ -149,11 +149,11 @@ def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) 
     if isinstance(limit, Requirement):
         met = success(int(results.met(limit).sum()), len(results.index))
         axes.set_title(f"{limit}\nmet by {met.estimate:.3f} ({met.low:.3f} to {met.high:.3f})")
-        _hatch_beyond(axes, limit)
+        hatch_beyond(axes, limit)
 
 
-def _hatch_beyond(axes: Axes, limit: Requirement) -> None:
-    """Hatch the values that break a limit, with the limit and a little of its far side in view."""
+def hatch_beyond(axes: Axes, limit: Requirement) -> None:
+    """Hatch the values on the x axis that break a limit, with the limit and a little of its far side in view."""
     left, right = axes.get_xlim()
     margin = 0.05 * (max(right, limit.limit) - min(left, limit.limit))
     left, right = min(left, limit.limit - margin), max(right, limit.limit + margin)
