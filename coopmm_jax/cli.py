@@ -17,7 +17,18 @@ from typing import NoReturn
 
 import coopmm_jax
 from coopmm_jax import overrides, runtime
-from coopmm_jax.commands import BAD_INPUT, INTERRUPTED, animate, compare, report, scenarios, simulate, sweep, tune
+from coopmm_jax.commands import (
+    BAD_INPUT,
+    INTERRUPTED,
+    animate,
+    compare,
+    falsify,
+    report,
+    scenarios,
+    simulate,
+    sweep,
+    tune,
+)
 from coopmm_jax.errors import UserError
 from coopmm_jax.validation import closest
 
@@ -69,6 +80,6 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="coopmm", description=coopmm_jax.__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"coopmm {coopmm_jax.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for module in (simulate, animate, sweep, tune, compare, report, scenarios):
+    for module in (simulate, animate, sweep, tune, compare, falsify, report, scenarios):
         module.add(commands)
     return parser
