@@ -65,6 +65,11 @@ class TuningResult:
         """The tuned gains, ``coopmm_jax.parameters.Gains``."""
         return self.scenario.parameters().gains
 
+    def _repr_html_(self) -> str:
+        from tuning.html import page  # what it needs is slow to import, and only a notebook asks
+
+        return page(self)
+
 
 def tune(
     scenario: Scenario | str | Path,
