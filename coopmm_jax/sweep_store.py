@@ -202,7 +202,9 @@ def _corrupt_tile(data: xarray.DataArray) -> int | str:
 def _opened(store: Any) -> xarray.Dataset:
     import xarray
 
-    return xarray.open_zarr(store, consolidated=False, chunks=None)
+    data = xarray.open_zarr(store, consolidated=False, chunks=None)
+    # zarr lists arrays in any order; what every sample has comes first, for whoever looks at the data set.
+    return data[[*_BY_SAMPLE, *sorted(set(data.data_vars) - set(_BY_SAMPLE))]]
 
 
 def _group(path: Path) -> zarr.Group:

@@ -11,6 +11,8 @@ import coopmm_jax  # sets XLA's options before JAX starts
 from coopmm_jax.parameters import Parameters, Structure
 from tests.programs import Program
 
+pytest_plugins = ["tests.sweeps"]
+
 _user_cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 jax.config.update("jax_enable_x64", True)

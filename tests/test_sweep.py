@@ -1,9 +1,6 @@
-"""Sweeps: the same bits however they are run, failures, statistics, figures, stores that go wrong."""
+"""Sweeps: the same bits however they are run, the metrics of single simulations, failures, work on all cores."""
 
-import doctest
 import os
-import re
-import resource
 import signal
 import socket
 import subprocess
@@ -14,86 +11,16 @@ import jax
 import numpy as np
 import pytest
 import xarray
-from scipy import stats
 
 import coopmm_jax as cm
-from coopmm_jax import distributed, metric_table, plotting, sweep_report, sweep_statistics, sweep_tiles
-from coopmm_jax.cli import main
+from coopmm_jax import sweep_tiles
 from coopmm_jax.distributed import Share, concurrently
-from coopmm_jax.errors import UserError
 from coopmm_jax.metric_table import METRICS
 from coopmm_jax.sampling import sampler
 from coopmm_jax.status import Status
-from coopmm_jax.sweep_statistics import read_results
 from coopmm_jax.sweep_store import chunk_file
 from coopmm_jax.uncertainty import vary
-
-TILE = 8
-ENTRIES = {
-    "plant.masses": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True, "each": True},
-    "disturbance.scale": {"distribution": "log_uniform", "low": 0.1, "high": 1e6},  # the strongest end in failure
-    "disturbance.phase": {"distribution": "uniform", "low": 0.0, "high": 6.0},
-}
-REQUIRED = {"force_min": ">= -90", "torque_peak": "<= 200"}
-
-
-def bits(data):
-    """Everything a sweep has computed, as bytes by name."""
-    names = ("parameters", "metrics", "status", "status_time", *sweep_tiles.SERIES)
-    return {name: data[name].values.tobytes() for name in names}
-
-
-@pytest.fixture(scope="session")
-def scenario():
-    """The paper's first 50 ms, so that ``cm.simulate`` shares the program of other tests."""
-    settings = {"duration": 0.05, "step": 0.001}
-    return cm.load_scenario("paper", simulation=settings, uncertainty=ENTRIES, requirements=REQUIRED)
-
-
-@pytest.fixture(scope="session")
-def sweep(scenario):
-    """``cm.sweep`` with tiles of one size, so that all tests share its programs."""
-
-    def run(samples=None, scenario=scenario, keep=0, **options):
-        return cm.sweep(scenario, samples, keep=keep, tile=TILE, **options)
-
-    return run
-
-
-@pytest.fixture(scope="session")
-def thousand(sweep):
-    return sweep(1000)
-
-
-@pytest.fixture(scope="session")
-def kept(sweep):
-    return sweep(100, keep=20)
-
-
-@pytest.fixture
-def start(scenario, tmp_path):
-    """Start ``coopmm sweep`` on the scenario in a process of its own, which shares the programs of this one."""
-    (tmp_path / "scenario.toml").write_text(scenario.to_toml())
-    cache = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
-    environment = os.environ | cache | {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.1"}
-    code = "import sys; from coopmm_jax.cli import main; sys.exit(main(sys.argv[1:]))"
-    fixed = [sys.executable, "-c", code, "sweep", "scenario.toml", "--keep", "0", "--tile", str(TILE)]
-    processes = []
-
-    def run(*arguments):
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        processes.append(subprocess.Popen([*fixed, *arguments], cwd=tmp_path, env=environment, **pipes))
-        return processes[-1]
-
-    yield run
-    for process in processes:
-        process.kill()
-        process.communicate()
-
-
-@pytest.mark.parametrize("module", [distributed, metric_table, sweep_statistics], ids=lambda module: module.__name__)
-def test_examples_in_docstrings(module):
-    assert doctest.testmod(module).failed == 0
+from tests.sweeps import TILE, bits
 
 
 def test_variables_are_labelled_and_have_units(thousand, scenario):
@@ -245,85 +172,6 @@ def test_an_exception_ends_the_work():
         list(concurrently(fail, range(10**9), [None]))
 
 
-def test_report_numbers(thousand):
-    results = read_results(thousand)
-    table = dict(zip(thousand.metric.values, thousand.metrics.values.T, strict=True))
-    ok = thousand.status.values == Status.OK
-    pressing = ok & (table["force_min"] >= -90)
-    calm = ok & (table["torque_peak"] <= 200)
-    rows = sweep_statistics.outcomes(results)
-    assert [row.passed for row in rows] == [ok.sum(), pressing.sum(), calm.sum(), (pressing & calm).sum()]
-    assert 0 < rows[3].passed < rows[0].passed < 1000
-    force = table["force_min"][ok]
-    summary = sweep_statistics.spread(results, "force_min")
-    assert summary[:4] == (np.median(force), *np.quantile(force, [0.05, 0.95]), force.min())
-    assert table["force_min"][summary.worst_sample] == force.min()
-    assert sweep_statistics.spread(results, "force_max").worst == table["force_max"][ok].max()
-
-
-def test_what_matters_is_found(thousand):
-    results = read_results(thousand)
-    assert sweep_statistics.telling(results) == ["completed", *REQUIRED]
-    for metric in sweep_statistics.telling(results):
-        strongest, interval = next(iter(sweep_statistics.sensitivities(results, metric).items()))
-        assert strongest == "disturbance.scale"
-        assert interval.low < interval.estimate < interval.high
-    assert (
-        sweep_statistics.worst_samples(results, "completed", 3).tolist()
-        == results.index[~results.completed][:3].tolist()
-    )
-
-
-def test_intervals_of_rank_correlation_cover_the_truth():
-    rng = np.random.default_rng(0)
-    r = 0.6
-    truth = 6 / np.pi * np.arcsin(r / 2)  # Spearman's of a bivariate normal distribution
-    pairs = rng.multivariate_normal([0, 0], [[1, r], [r, 1]], (400, 100))
-    intervals = [sweep_statistics.rank_correlation(x, y) for x, y in pairs.transpose(0, 2, 1)]
-    assert intervals[0].estimate == pytest.approx(stats.spearmanr(*pairs[0].T).statistic, rel=1e-14)
-    covered = sum(interval.low <= truth <= interval.high for interval in intervals)
-    assert 366 <= covered <= 392  # 95 % of 400, give or take three standard deviations
-
-
-def test_report_text_and_files(kept, tmp_path):
-    results = read_results(kept)
-    text = sweep_report.text(results)
-    assert "100 samples of 0.05 s, seed 0" in text
-    failed = int((~results.completed | ~np.logical_and.reduce([results.met(r) for r in results.requirements])).sum())
-    assert f"failed samples: {failed}\n" in text
-    first = int(results.index[~results.completed][0])
-    assert f"\n  {first:8}  SPEED at t = " in text
-    sweep_report.write_report(tmp_path, kept)
-    assert (tmp_path / "report.txt").read_text() == text + "\n"
-    assert len((tmp_path / "failed.csv").read_text().splitlines()) == 1 + failed
-    for name in ("bands", "importance", "requirements", "worst"):
-        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
-
-
-def test_figures_show_the_numbers(kept):
-    bands = plotting.sweep_bands(kept)
-    median = bands.axes[2].lines[0]
-    np.testing.assert_allclose(median.get_ydata(), np.nanmedian(kept.contact_force.values, axis=0), rtol=1e-12)
-    limits = plotting.sweep_requirements(kept).axes
-    assert [axes.get_xlabel() for axes in limits] == ["force_min [N]", "torque_peak [N m]"]
-    assert limits[0].get_title().startswith("force_min >= -90\nmet by 0.")
-    assert sum(patch.get_height() for patch in limits[0].containers[0]) == (kept.status.values == 0).sum()
-    importance = plotting.sweep_importance(kept).axes
-    assert importance[1].get_yticklabels()[-1].get_text() == "disturbance.scale"
-    worst = plotting.sweep_worst(kept).axes[2]
-    assert worst.get_title() == "10 worst of torque_peak"
-    assert worst.lines[-1].get_xdata().min() > 0.5
-
-
-def test_figures_refuse_what_they_cannot_draw(thousand, sweep, scenario):
-    with pytest.raises(UserError, match=r"^keep: must be at least 1 for bands over time, was 0$"):
-        plotting.sweep_bands(thousand)
-    quiet = sweep(8, scenario.with_overrides({"requirements": {"contact_loss_fraction": "<= 1"}}), sampling="sobol")
-    assert sweep_statistics.telling(read_results(quiet.isel(sample=slice(2)))) == []
-    with pytest.raises(UserError, match=r"^sweep: must be one with samples that differ"):
-        plotting.sweep_worst(quiet.isel(sample=slice(2)))
-
-
 def test_sobol_sweep_uses_sobol_points(sweep, scenario):
     data = sweep(20, sampling="sobol", seed=3)
     variation = vary(scenario)
@@ -331,150 +179,7 @@ def test_sobol_sweep_uses_sobol_points(sweep, scenario):
     np.testing.assert_array_equal(data.parameters.sel(parameter="disturbance.phase"), values["disturbance.phase"])
 
 
-def test_simulate_from_a_store(sweep, thousand, tmp_path, capsys):
-    sweep(8, out=tmp_path / "sweep.zarr")
-    assert main(["simulate", "--from", str(tmp_path / "sweep.zarr"), "--sample", "5"]) == 0
-    *_, calm = lines = capsys.readouterr().out.splitlines()
-    force, torque = (float(thousand.metrics.sel(metric=name)[5]) for name in ("force_min", "torque_peak"))
-    assert dict(line.split()[:2] for line in lines[2:])["force_min"] == f"{force:.6g}"
-    assert calm == f"  requirement torque_peak <= 200: {'met' if torque <= 200 else 'not met'}"
-
-
-def test_report_with_other_requirements(sweep, tmp_path, capsys):
-    sweep(40, out=tmp_path / "sweep.zarr")
-    assert main(["report", str(tmp_path / "sweep.zarr"), "--requirements.force-max", ">= 1e9"]) == 0
-    out = capsys.readouterr().out
-    assert re.search(r"^force_max >= 1e\+09 +0 of 40 +0.0000  0.0000 to 0.0881$", out, re.MULTILINE)
-    assert out.endswith(f"written to {tmp_path / 'sweep-report'}\n")
-
-
-def test_a_store_by_other_settings_is_refused(sweep, scenario, tmp_path):
-    store = tmp_path / "sweep.zarr"
-    sweep(8, out=store)
-    before = {path: path.read_bytes() for path in store.rglob("*") if path.is_file()}
-    other = scenario.with_overrides({"gains.k0": 4.0})
-    wider = scenario.with_overrides({"uncertainty.disturbance.phase.high": 7.0})
-    for options, message in (
-        ({"scenario": other}, f"gains.k0: must be 5.0, as {store} was made with, was 4.0"),
-        ({"scenario": wider}, f"uncertainty.disturbance.phase.high: must be 6.0, as {store} was made with, was 7.0"),
-        ({"seed": 1}, f"simulation.seed: must be 0, as {store} was made with, was 1"),
-        ({"sampling": "sobol"}, f"sampling: must be independent, as {store} was made with, was sobol"),
-        ({"keep": 1}, f"keep: must be 0, as {store} was made with, was 1"),
-        ({"samples": 4}, f"samples: must be at least 8, as {store} has, was 4"),
-        ({"resume": False}, f"out: must be a path where nothing is, or a sweep's store to --resume, was {store}"),
-    ):
-        with pytest.raises(UserError) as error:
-            sweep(**{"out": store, "resume": True} | options)
-        assert str(error.value) == message
-    assert {path: path.read_bytes() for path in store.rglob("*") if path.is_file()} == before
-
-
-def test_a_corrupt_chunk_is_named_and_can_be_computed_again(sweep, thousand, tmp_path, capsys):
-    store = tmp_path / "sweep.zarr"
-    sweep(24, out=store)
-    chunk = chunk_file(store, "metrics", 1, 2)
-    spoilt = bytearray(chunk.read_bytes())
-    spoilt[len(spoilt) // 2] ^= 255
-    chunk.write_bytes(spoilt)
-    assert main(["report", str(store)]) == 2
-    message = "coopmm: error: metrics/c/1 of the store: must be readable (delete the file, and sweep --resume"
-    assert capsys.readouterr().err.startswith(message)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.zarr"]
-    chunk.unlink()
-    assert bits(sweep(24, out=store, resume=True)) == bits(thousand.isel(sample=slice(24)))
-
-
-def test_a_full_disk_loses_nothing(sweep, thousand, tmp_path):
-    store = tmp_path / "sweep.zarr"
-    sweep(8, out=store)
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    largest = max(path.stat().st_size for path in store.rglob("zarr.json") if path.parent != store)
-    assert largest < chunk_file(store, "metrics", 0, 2).stat().st_size
-    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, limits[1]))  # no more than this into one file
-    try:
-        with pytest.raises(UserError, match=r"^out: must be a place with room .* \(File too large\); complete tiles"):
-            sweep(40, out=store, resume=True)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert bits(sweep(40, out=store, resume=True)) == bits(thousand.isel(sample=slice(40)))
-
-
 def test_memory_sweeps_leave_no_files(sweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert sweep(8).sizes["sample"] == 8
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--samples", "-3"], "samples: must be from 1 to 16777216, was -3"),
-        (["--keep", "-1"], "keep: must be from 0 to 16777216, was -1"),
-        (["--tile", "0"], "tile: must be from 1 to 16777216, was 0"),
-        (["--seed", "-1"], "simulation.seed: must be at least 0, was -1"),
-        (["--sampling", "halton"], "sampling: must be independent or sobol, was halton"),
-        (["--requirements.force-rms", "<= 2"], "requirements.force_rms: must be a metric, as coopmm simulate"),
-        (["--uncertainty", "none.toml"], "--uncertainty: must be a file that can be read, was none.toml (No such file"),
-        (
-            ["--uncertainty", "gains.toml"],
-            "--uncertainty gains.toml: must be a file of [uncertainty] and [requirements]",
-        ),
-        (["--uncertainty", "bad.toml"], "--uncertainty: must be a TOML file, was bad.toml ("),
-        (
-            ["--out", "gains.toml"],
-            "out: must be a path where nothing is, or a sweep's store to --resume, was gains.toml",
-        ),
-        (["--out", "gains.toml", "--resume"], "store: must be the store of a sweep, was gains.toml ("),
-        (
-            ["--out", "gains.toml/s.zarr"],
-            "out: must be a place that can be written, was gains.toml/s.zarr (File exists)",
-        ),
-        (["--rank", "0"], "--rank: must be given together with --size, was given alone"),
-        (["--rank", "2", "--size", "2"], "--rank: must be from 0 to --size - 1 (1), was 2"),
-        (["--coordinator", "localhost:1"], "--coordinator: must be given together with --rank and --size, was given"),
-        (
-            ["--rank", "0", "--size", "2", "--distributed"],
-            "--distributed: must be left out where --rank and --size are",
-        ),
-        (["--sample", "3"], "--sample: must be an option of coopmm sweep (did you mean --samples?), was unknown"),
-    ],
-)
-def test_bad_input_is_one_line_and_code_2(arguments, message, scenario, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scenario.toml").write_text(scenario.to_toml())
-    (tmp_path / "gains.toml").write_text("[gains]\nk0 = 4\n")
-    (tmp_path / "bad.toml").write_text("[gains\n")
-    assert main(["sweep", "scenario.toml", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.startswith(f"coopmm: error: {message}")
-    assert captured.err.count("\n") == 1
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.toml", "gains.toml", "scenario.toml"]
-
-
-def test_other_bad_input(sweep, tmp_path, capsys):
-    with pytest.raises(UserError, match=r"^uncertainty: must be a section that names what varies, was empty$"):
-        sweep(8, cm.load_scenario("paper"))
-    sweep(8, out=tmp_path / "s.zarr")
-    store = str(tmp_path / "s.zarr")
-    for arguments, message in (
-        (["report", str(tmp_path)], f"store: must be the store of a sweep, was {tmp_path} (not there)"),
-        (["report", store, "--gains.k0", "2"], "--gains.k0: must be one of --requirements.METRIC"),
-        (["simulate", "--from", store, "--sample", "8"], "sample: must be from 0 to 7, was 8"),
-        (["simulate", "--from", store], "--sample: must be given together with --from, was missing"),
-        (["simulate", "paper", "--from", store], "--from: must be given in place of SCENARIO, was given with paper"),
-        (["simulate", "paper", "--sample", "1"], "--sample: must be given together with --from, was given alone"),
-    ):
-        assert main(arguments) == 2
-        assert capsys.readouterr().err.startswith(f"coopmm: error: {message}")
-
-
-def test_a_sample_that_is_not_there_yet(sweep, tmp_path):
-    half = sweep(16, out=tmp_path / "s.zarr", share=Share(0, 2))
-    with pytest.raises(UserError, match=r"^sample: must be one that has been computed .*, was 9$"):
-        cm.replay(half, 9)
-    results = read_results(half)
-    assert results.index.tolist() == list(range(8))
-    assert "8 of 16 samples (the rest is not there yet)" in sweep_report.text(results)
-    with pytest.raises(UserError, match=r"^store: must be a sweep with at least one computed tile, was empty$"):
-        read_results(half.isel(sample=slice(8, None)))

@@ -1,0 +1,119 @@
+"""What a sweep says: statistics, report, figures, one of its samples again."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from coopmm_jax import plotting, sweep_report, sweep_statistics
+from coopmm_jax.cli import main
+from coopmm_jax.errors import UserError
+from coopmm_jax.status import Status
+from coopmm_jax.sweep_statistics import read_results
+from coopmm_jax.sweep_tiles import SERIES
+from tests.sweeps import REQUIRED
+
+
+def test_report_numbers(thousand):
+    results = read_results(thousand)
+    table = dict(zip(thousand.metric.values, thousand.metrics.values.T, strict=True))
+    ok = thousand.status.values == Status.OK
+    pressing = ok & (table["force_min"] >= -90)
+    calm = ok & (table["torque_peak"] <= 200)
+    rows = sweep_statistics.outcomes(results)
+    assert [row.passed for row in rows] == [ok.sum(), pressing.sum(), calm.sum(), (pressing & calm).sum()]
+    assert 0 < rows[3].passed < rows[0].passed < 1000
+    force = table["force_min"][ok]
+    summary = sweep_statistics.spread(results, "force_min")
+    assert summary[:4] == (np.median(force), *np.quantile(force, [0.05, 0.95]), force.min())
+    assert table["force_min"][summary.worst_sample] == force.min()
+    assert sweep_statistics.spread(results, "force_max").worst == table["force_max"][ok].max()
+
+
+def test_what_matters_is_found(thousand):
+    results = read_results(thousand)
+    assert sweep_statistics.telling(results) == ["completed", *REQUIRED]
+    for metric in sweep_statistics.telling(results):
+        strongest, interval = next(iter(sweep_statistics.sensitivities(results, metric).items()))
+        assert strongest == "disturbance.scale"
+        assert interval.low < interval.estimate < interval.high
+    assert (
+        sweep_statistics.worst_samples(results, "completed", 3).tolist()
+        == results.index[~results.completed][:3].tolist()
+    )
+
+
+def test_intervals_of_rank_correlation_cover_the_truth():
+    rng = np.random.default_rng(0)
+    r = 0.6
+    truth = 6 / np.pi * np.arcsin(r / 2)  # Spearman's of a bivariate normal distribution
+    pairs = rng.multivariate_normal([0, 0], [[1, r], [r, 1]], (400, 100))
+    intervals = [sweep_statistics.rank_correlation(x, y) for x, y in pairs.transpose(0, 2, 1)]
+    assert intervals[0].estimate == pytest.approx(stats.spearmanr(*pairs[0].T).statistic, rel=1e-14)
+    covered = sum(interval.low <= truth <= interval.high for interval in intervals)
+    assert 366 <= covered <= 392  # 95 % of 400, give or take three standard deviations
+
+
+def test_report_text_and_files(kept, tmp_path):
+    results = read_results(kept)
+    text = sweep_report.text(results)
+    assert "100 samples of 0.05 s, seed 0" in text
+    failed = int((~results.completed | ~np.logical_and.reduce([results.met(r) for r in results.requirements])).sum())
+    assert f"failed samples: {failed}\n" in text
+    first = int(results.index[~results.completed][0])
+    assert f"\n  {first:8}  SPEED at t = " in text
+    sweep_report.write_report(tmp_path, kept)
+    assert (tmp_path / "report.txt").read_text() == text + "\n"
+    assert len((tmp_path / "failed.csv").read_text().splitlines()) == 1 + failed
+    for name in ("bands", "importance", "requirements", "worst"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+
+
+def test_figures_show_the_numbers(kept):
+    bands = plotting.sweep_bands(kept)
+    median = bands.axes[2].lines[0]
+    np.testing.assert_allclose(median.get_ydata(), np.nanmedian(kept.contact_force.values, axis=0), rtol=1e-12)
+    limits = plotting.sweep_requirements(kept).axes
+    assert [axes.get_xlabel() for axes in limits] == ["force_min [N]", "torque_peak [N m]"]
+    assert limits[0].get_title().startswith("force_min >= -90\nmet by 0.")
+    assert sum(patch.get_height() for patch in limits[0].containers[0]) == (kept.status.values == 0).sum()
+    importance = plotting.sweep_importance(kept).axes
+    assert importance[1].get_yticklabels()[-1].get_text() == "disturbance.scale"
+    worst = plotting.sweep_worst(kept).axes[2]
+    assert worst.get_title() == "10 worst of torque_peak"
+    assert worst.lines[-1].get_xdata().min() > 0.5
+
+
+def test_figures_refuse_what_they_cannot_draw(thousand, sweep, scenario):
+    with pytest.raises(UserError, match=r"^keep: must be at least 1 for bands over time, was 0$"):
+        plotting.sweep_bands(thousand)
+    quiet = sweep(8, scenario.with_overrides({"requirements": {"contact_loss_fraction": "<= 1"}}), sampling="sobol")
+    assert sweep_statistics.telling(read_results(quiet.isel(sample=slice(2)))) == []
+    with pytest.raises(UserError, match=r"^sweep: must be one with samples that differ"):
+        plotting.sweep_worst(quiet.isel(sample=slice(2)))
+
+
+def test_simulate_from_a_store(sweep, thousand, tmp_path, capsys):
+    sweep(8, out=tmp_path / "sweep.zarr")
+    assert main(["simulate", "--from", str(tmp_path / "sweep.zarr"), "--sample", "5"]) == 0
+    *_, calm = lines = capsys.readouterr().out.splitlines()
+    force, torque = (float(thousand.metrics.sel(metric=name)[5]) for name in ("force_min", "torque_peak"))
+    assert dict(line.split()[:2] for line in lines[2:])["force_min"] == f"{force:.6g}"
+    assert calm == f"  requirement torque_peak <= 200: {'met' if torque <= 200 else 'not met'}"
+
+
+def test_report_with_other_requirements(sweep, tmp_path, capsys):
+    sweep(40, out=tmp_path / "sweep.zarr")
+    assert main(["report", str(tmp_path / "sweep.zarr"), "--requirements.force-max", ">= 1e9"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^force_max >= 1e\+09 +0 of 40 +0.0000  0.0000 to 0.0881$", out, re.MULTILINE)
+    assert out.endswith(f"written to {tmp_path / 'sweep-report'}\n")
+
+
+def test_html_is_compact_and_starts_with_what_every_sample_has(kept):
+    assert list(kept)[:4] == ["parameters", "metrics", "status", "status_time"]
+    assert list(kept)[4:] == sorted(SERIES)
+    page = kept._repr_html_()
+    assert len(page) < 60_000
+    assert all(meaning in page for _, meaning in SERIES.values())
