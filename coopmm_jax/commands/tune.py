@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
+from coopmm_jax.errors import UserError
 from coopmm_jax.gains_file import read_gains
 from coopmm_jax.overrides import merged
-from coopmm_jax.scenario import load_scenario
+from coopmm_jax.scenario import Scenario, load_scenario
 from coopmm_jax.store import result_folder
 
 
@@ -18,7 +20,7 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "tune",
         help="tune gains against a scenario's uncertainty and report what it brought on untouched samples",
-        usage=f"coopmm tune SCENARIO {OVERRIDES} [--seed S] [--gains-file FILE] [--out DIR] [--resume]",
+        usage=f"coopmm tune SCENARIO {OVERRIDES} [options]",
         epilog=fields_help(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -28,6 +30,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--gains-file", metavar="FILE", help="start from the gains that another tuning wrote")
     parser.add_argument("--out", metavar="DIR", default="tuned", help="folder for all results (default tuned)")
     parser.add_argument("--resume", action="store_true", help="go on with the run in DIR, with the same settings")
+    parser.add_argument("--pareto", metavar="K", type=int, help="tune K weightings between quality and effort at once")
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
 
 
@@ -38,6 +41,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     if options.gains_file:
         changes = merged(read_gains(options.gains_file), changes)
     scenario = load_scenario(options.scenario, **changes)
+    if options.pareto is not None:
+        return _front(scenario, options)
     from tqdm import tqdm  # this and the next two are slow to import
 
     from tuning.report import table, write_report
@@ -56,4 +61,32 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         write_report(folder, result)
     print(table(result), end="")
     print(f"written to {options.out}; use the gains by coopmm simulate SCENARIO --gains-file {options.out}/gains.toml")
+    return DONE
+
+
+def _front(scenario: Scenario, options: argparse.Namespace) -> int:
+    """The front between quality and effort in place of one tuning."""
+    if options.resume:
+        raise UserError("--resume", "left out where --pareto is given", "given")
+    from tqdm import tqdm  # this and the next two are slow to import
+
+    from tuning.pareto import Round, tune_front
+    from tuning.pareto_report import check_folder, table, write_report
+
+    check_folder(Path(options.out))
+    with (
+        tqdm(total=scenario.tuning.iterations, unit="iteration", disable=None) as bar,
+        result_folder(options.out) as folder,
+    ):
+
+        def show(row: Round) -> None:
+            bar.update(row.iteration - bar.n)
+            bar.set_postfix({"weightings improved": row.improved})
+            if row.rejected:
+                bar.write(f"iteration {row.iteration}: {row.rejected} steps rejected, the next ones reach half as far")
+
+        front = tune_front(scenario, options.pareto, progress=show)
+        write_report(folder, front)
+    print(table(front), end="")
+    print(f"written to {options.out}; compare gains by coopmm compare scenario {options.out}/gains_*.toml --scenario S")
     return DONE
