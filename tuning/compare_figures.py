@@ -120,8 +120,8 @@ def _band(axes: Axes, compared: ComparedGains, name: str, since: float, which: i
             continue
         low, middle, high = np.quantile(values, [_LOW, 0.5, _HIGH], axis=0)
         if i == which:
-            axes.fill_between(times[shown], low, high, color=pen(i)["color"], alpha=0.3, linewidth=0.0)
-            axes.plot(times[shown], middle, **pen(i, 0))
+            axes.fill_between(times[shown], low, high, color=pen(0)["color"], alpha=0.3, linewidth=0.0)
+            axes.plot(times[shown], middle, **pen(0))
         else:
             axes.plot(times[shown], middle, **REFERENCE)
     if name != "contact_force":
