@@ -18,19 +18,17 @@ from PIL import Image
 import coopmm_jax as cm
 from coopmm_jax import movie
 from coopmm_jax.animation import Animation, animate
-from coopmm_jax.cli import main
 from coopmm_jax.plotting import scene, stage
 from coopmm_jax.plotting.lines import runs
 from coopmm_jax.plotting.skeleton import placed, skeleton
-from coopmm_jax.store import write_run
 
 PULLED = tuple(round(255 * part) for part in to_rgb(scene.PULLS["edgecolor"]))
 
 
 @pytest.fixture(scope="module")
-def run():
+def run(simulated_paper):
     """The paper's start, in which the contact is lost: it presses at 0 s and pulls at 0.08 s."""
-    return cm.simulate(cm.load_scenario("paper", simulation={"duration": 1.0}))
+    return simulated_paper
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +90,7 @@ def test_robots_should_be_on_the_papers_circles(run):
 
 def test_outlines_turn_with_the_platform():
     ahead = placed(np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([2.0, 3.0]), np.array([-np.sin(0.3), np.cos(0.3)]))
-    lateral = [2.0 + np.cos(0.3), 3.0 + np.sin(0.3)]  # model.md: (cos th, sin th)
+    lateral = [2.0 + np.cos(0.3), 3.0 + np.sin(0.3)]  # (cos th, sin th) from the midpoint
     np.testing.assert_allclose(ahead, [[2.0 - np.sin(0.3), 3.0 + np.cos(0.3)], lateral], rtol=1e-15)
 
 
@@ -290,51 +288,3 @@ def test_twenty_seconds_take_less_than_a_minute(run, tmp_path):
     before = time.process_time()
     animate(run, path=tmp_path / "run.gif", fps=49.0)
     assert time.process_time() - before < 6.0
-
-
-SHORT = ["--simulation.duration", "0.2", "--width", "480"]
-
-
-def test_command_compares_scenarios_and_results(run, tmp_path, capsys):
-    write_run(tmp_path, run.scenario, run)
-    out = ["--out", str(tmp_path / "film.gif")]
-    assert main(["animate", "paper", "--gains.k0", "4", "--against", "paper", *SHORT, *out]) == 0
-    assert capsys.readouterr().out == f"written to {tmp_path / 'film.gif'}: 6 frames\n"
-    assert main(["animate", str(tmp_path), "--against", "paper", *SHORT, *out]) == 0
-    assert capsys.readouterr().out.endswith(": 26 frames\n")
-
-
-def test_command_shows_a_failed_run_and_says_so(tmp_path, capsys):
-    bounds = ["--gains.beta", "126.7", "--gains.lam-min", "0.63"]
-    assert main(["animate", "paper", *bounds, *SHORT, "--out", str(tmp_path / "film.gif")]) == 3
-    assert "rollout paper, gains.beta 126.7, gains.lam_min 0.63 failed: SPEED at t =" in capsys.readouterr().err
-    assert (tmp_path / "film.gif").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["paper"], "the following arguments are required: --out"),
-        (["papr", "--out", "x.gif"], "scenario: must be one of "),
-        (["paper", "--out", "x.gif", "--against", "papr"], "scenario: must be one of "),
-        (["paper", "--out", "x.avi"], "--out: must be a file that ends in .gif, .html, .mp4, was x.avi"),
-        (["paper", "--out", "x.gif", "--width", "398"], "width: must be an even number of pixels"),
-        (["empty", "--out", "x.gif"], "run: must be a folder that coopmm simulate --out has written, was empty ("),
-        (
-            ["empty", "--gains.k0", "2", "--out", "x.gif"],
-            "--gains.k0: must be given with a scenario to simulate, was given with empty",
-        ),
-        (
-            ["empty", "--simulation.seed", "2", "--gains.k0", "2", "--out", "x.gif", "--against", "paper"],
-            "--gains.k0: must be given with a scenario to simulate, was given with empty",
-        ),
-    ],
-)
-def test_command_refuses_in_one_line(arguments, message, monkeypatch, tmp_path, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "empty").mkdir()
-    assert main(["animate", *arguments]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith(f"coopmm: error: {message}")
-    assert said.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["empty"]
