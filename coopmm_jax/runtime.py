@@ -19,6 +19,8 @@ _WHOLE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_thresh
 _MULTI_OUTPUT = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion=true"
 # Not an extra option: given as one, XLA ignores it (seen in the generated code's prefer-vector-width attribute).
 _VECTOR_WIDTH = "--xla_cpu_prefer_vector_width=512"
+# LLVM's higher levels take a fifth longer over a rollout or its gradient and gain nothing (benchmarks.rollout).
+_OPTIMISATION = "--xla_backend_optimization_level=1"
 
 
 def backend_is_up() -> bool:
@@ -53,7 +55,7 @@ def use_fast_compilation() -> bool:
     Raises:
         RuntimeError: a JAX backend is up, so it is too late.
     """
-    options = (_WHOLE_LOOPS, _MULTI_OUTPUT, _VECTOR_WIDTH)
+    options = (_WHOLE_LOOPS, _MULTI_OUTPUT, _VECTOR_WIDTH, _OPTIMISATION)
     flags = os.environ.get("XLA_FLAGS", "")
     if not (backend_is_up() or _disabled()) and _WHILE_LOOPS in flags:
         os.environ["XLA_FLAGS"] = flags.replace(_WHILE_LOOPS, _WHOLE_LOOPS)  # of importing this package

@@ -62,7 +62,7 @@ with jax.enable_x64(True):
 assert coopmm_jax.runtime.use_fast_compilation()
 """
     assert in_new_process(code).splitlines() == [
-        f"{WHOLE_LOOPS} {MULTI_OUTPUT} --xla_cpu_prefer_vector_width=512",
+        f"{WHOLE_LOOPS} {MULTI_OUTPUT} --xla_cpu_prefer_vector_width=512 --xla_backend_optimization_level=1",
         "6.75",
     ]
 

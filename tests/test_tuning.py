@@ -193,6 +193,26 @@ def test_race_keeps_the_best_in_order(rollouts):
     np.testing.assert_array_equal(kept, starts[np.argsort(values)[:3]])
 
 
+def test_each_iteration_halves_the_descents_and_doubles_their_samples(rollouts, monkeypatch):
+    lanes, descend = [], optimise.descend
+
+    def watched(search, chosen, candidates, samples, steps):
+        lanes.append((len(candidates), len(samples), samples.rows[0].tobytes()))
+        return descend(search, chosen, candidates, samples, steps)
+
+    monkeypatch.setattr(optimise, "descend", watched)
+    tuning.tune(scenario(iterations=4, survivors=5, patience=9))
+    assert [lane[:2] for lane in lanes] == [(5, 3), (2, 7), (1, 15), (1, 15)]
+    assert len({lane[2] for lane in lanes}) == 4  # drawn anew
+
+
+def test_the_better_half_is_kept_best_first():
+    candidates = [Candidate(np.array([float(i)]), None) for i in range(5)]
+    kept = optimise.better_half(candidates, np.array([3.0, 1.0, np.inf, 0.5, 2.0]))
+    assert [c.vector[0] for c in kept] == [3.0, 1.0]
+    assert optimise.better_half(kept[:1], np.array([7.0])) == kept[:1]
+
+
 def test_search_gradient_weighs_the_samples_by_risk(rollouts):
     problem = problem_module.build_problem(scenario())
     search = Search(problem.training.objective, problem.training.coefficients, risk("cvar", 0.5))

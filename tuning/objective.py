@@ -104,6 +104,10 @@ class Objective:
         cost = sum(coefficients[i] * term for i, term in enumerate(terms))
         return jnp.where(completed, cost, FAILED * (2.0 - survived))
 
+    def sample_terms(self, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
+        """The terms of one sample by name, all but the torque variation; another cost replaces this alone."""
+        return _terms(self.structure, parameters, t, signals)
+
     def _observer(self, parameters: Parameters) -> Observer:
         zero = jnp.zeros((), jnp.result_type(float))
 
@@ -111,7 +115,7 @@ class Objective:
             torque = (*signals.torque[0], *signals.torque[1])
             change = sum(_size(now - before) for now, before in zip(torque, total.torque, strict=True))
             first = t < 0.5 * self.step
-            terms = _terms(self.structure, parameters, t, signals)
+            terms = self.sample_terms(parameters, t, signals)
             for name in TRACKING:
                 terms[name] = jnp.where(t > self.tracking_from - 0.5 * self.step, terms[name], 0.0)
             terms["torque_variation"] = jnp.where(first, 0.0, change / self.step)

@@ -176,6 +176,16 @@ def descend(
     return candidates, values, rejected
 
 
+def better_half(candidates: list[Candidate], values: np.ndarray) -> list[Candidate]:
+    """The half of the candidates that is worth more rollouts, best first; values (C,). The last one is never dropped.
+
+    Measured: which valley is deep shows after a few steps, and what the others would cost buys the better ones twice
+    the samples.
+    """
+    order = np.argsort(values, kind="stable")[: max(1, len(candidates) // 2)]
+    return [candidates[i] for i in order]
+
+
 def _propose(chosen: LBFGS | Optax, candidate: Candidate, slope: np.ndarray) -> tuple[np.ndarray, Any]:
     """Trial vectors (ladder, n), longest step first, and the method's memory after them."""
     vector, memory = candidate.vector, candidate.memory

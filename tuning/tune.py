@@ -142,15 +142,14 @@ def _iterate(
     s, began = problem.scenario.tuning, time.monotonic()
     fixed = problem.samples(VALIDATION, s.validation_samples)
     while len(run.history) <= s.iterations and run.stale < s.patience and time.monotonic() - began < s.time_budget:
-        number = len(run.history)
-        samples = problem.samples(TRAINING + (number - 1) * s.samples, s.samples)
-        run.candidates, training, rejected = optimise.descend(
-            problem.training, chosen, run.candidates, samples, s.steps
-        )
-        validation = problem.validation.values(np.stack([c.vector for c in run.candidates]), fixed)
+        number, lanes = len(run.history), s.survivors * s.samples
+        samples = problem.samples(TRAINING + (number - 1) * lanes, lanes // len(run.candidates))
+        candidates, training, rejected = optimise.descend(problem.training, chosen, run.candidates, samples, s.steps)
+        validation = problem.validation.values(np.stack([c.vector for c in candidates]), fixed)
         best = run.history[-1].best
         if validation.min() < best:
-            best, run.best = float(validation.min()), run.candidates[int(validation.argmin())].vector
+            best, run.best = float(validation.min()), candidates[int(validation.argmin())].vector
+        run.candidates = optimise.better_half(candidates, validation)
         seconds = round(time.monotonic() - began, 3)
         row = Row(number, float(training.min()), float(validation.min()), best, rejected, seconds)
         run.history.append(row)
@@ -168,9 +167,7 @@ def _packed(run: Progressing) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _unpacked(
-    problem: Problem, chosen: optimise.LBFGS | optimise.Optax, arrays: dict[str, np.ndarray]
-) -> Progressing:
+def _unpacked(problem: Problem, chosen: optimise.LBFGS | optimise.Optax, arrays: dict[str, np.ndarray]) -> Progressing:
     structure = jax.tree.structure(Candidate(problem.space.start, chosen.start(problem.space.start)))
     candidates = []
     for i in range(int(arrays["count"])):

@@ -1,0 +1,131 @@
+"""The tuning problem that tuners are compared on: one cost, fixed sets of robots, and a meter of simulated steps.
+
+The paper's loop with a force sensor that lags 5 ms, 64 robots with masses 20 % off and up to four times the paper's
+disturbance, 4 s, mean over the robots of the time average of
+
+    10 sum(e1^2 + e2^2 + s3^2 of both robots) + (a1 error of robot I)^2 + ((lambda_n - 15) / 15)^2
+    + 0.1 sum((other lambda / 15)^2) + 10 max(-lambda_n / 15, 0)^2 + 1e-5 |actuator force in the coordinates of u|^2
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import jax.numpy as jnp
+import numpy as np
+
+from coopmm_jax.closed_loop import Signals
+from coopmm_jax.components import Scalar
+from coopmm_jax.model import build_model
+from coopmm_jax.parameters import Parameters
+from coopmm_jax.reference import desired_force, desired_motion
+from coopmm_jax.robot import actuator_force
+from coopmm_jax.sampling import sampler
+from coopmm_jax.scenario import Scenario, load_scenario
+from coopmm_jax.uncertainty import vary
+from tuning.objective import TERMS, Objective
+from tuning.optimise import Search
+from tuning.risk import risk
+from tuning.tiles import Samples
+
+ROBOTS = 64  # of a set
+DURATION = 4.0  # [s]
+GRADIENT = 8  # rollouts that one gradient by reverse mode costs (benchmarks.rollout measures it)
+FORCE = 15.0  # [N]
+COEFFICIENTS = {
+    "posture": 10.0,
+    "relative": 1.0,
+    "force": 1.0 / FORCE**2,
+    "internal": 0.1 / FORCE**2,
+    "contact_loss": 10.0 / FORCE**2,
+    "effort": 1e-5,
+}
+UNCERTAINTY = {
+    "plant.masses": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True},
+    "disturbance.scale": {"distribution": "uniform", "low": 0.0, "high": 4.0},
+}
+TRAINING, HELD_OUT, OWN = 0, 1_000_000, 2_000_000  # first indices of the sets; ours draws its subsets from OWN on
+
+
+class ComparisonObjective(Objective):
+    """The cost above; its terms go by the names of the tuner's own."""
+
+    def sample_terms(self, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
+        """One sample's terms, those that this cost does not have being zero."""
+        desired = desired_motion(parameters.reference, t)
+        tracking = 0.0 * t
+        for p, d in zip(signals.position, desired, strict=True):
+            e2 = p.z2 - d.z2
+            s3 = p.z3 - d.z3 + parameters.gains.k2 * e2 * parameters.reference.rate
+            tracking += (p.z1 - d.z1) ** 2 + e2**2 + s3**2
+        wanted = desired_force(parameters.reference, self.structure.rows)
+        _, *others = (x - d for x, d in zip(signals.constraint_force, wanted, strict=True))
+        geometry = build_model(parameters).geometry
+        forces = (actuator_force(*robot) for robot in zip(geometry, signals.position, signals.commanded, strict=True))
+        return dict.fromkeys(TERMS, 0.0 * t) | {
+            "posture": tracking,
+            "relative": (signals.position[0].a1 - desired[0].arm[0]) ** 2,
+            "force": signals.force_error[0] ** 2,
+            "internal": sum(x**2 for x in others),
+            "contact_loss": jnp.minimum(signals.constraint_force[0], 0.0) ** 2,
+            "effort": sum(x**2 for force in forces for x in force),
+        }
+
+
+@dataclass
+class Meter:
+    """The search that every tuner is given: counts simulated steps and notes every improvement."""
+
+    search: Search
+    budget: float  # [simulated steps]
+    steps: float = 0.0
+    began: float = field(default_factory=time.perf_counter)
+    trail: list[tuple[float, float, np.ndarray]] = field(default_factory=list)  # (steps, wall time [s], vector)
+
+    def values(self, vectors: np.ndarray, samples: Samples) -> np.ndarray:
+        """Mean cost of every candidate (C,); vectors are (C, n)."""
+        self.steps += len(vectors) * len(samples) * self.search.objective.steps
+        return self.search.values(vectors, samples)
+
+    def slopes(self, vectors: np.ndarray, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+        """Mean cost of every candidate (C,) and its gradient (C, n)."""
+        self.steps += GRADIENT * len(vectors) * len(samples) * self.search.objective.steps
+        return self.search.slopes(vectors, samples)
+
+    def note(self, vector: np.ndarray) -> None:
+        """The best gains from here on."""
+        self.trail.append((self.steps, time.perf_counter() - self.began, np.array(vector)))
+
+    @property
+    def spent(self) -> bool:
+        """Whether the budget is used up."""
+        return self.steps >= self.budget
+
+
+def scenario(channels: str) -> Scenario:
+    """The problem's scenario; ``channels`` is shared (4 numbers) or separate (19)."""
+    return load_scenario(
+        "paper",
+        simulation={"duration": DURATION},
+        law={"delta_floor": 0.01},
+        sensing={"force_lag": 0.005},
+        uncertainty=UNCERTAINTY,
+        tuning={"channels": channels, "horizon": DURATION, "tracking_from": 0.0},
+    )
+
+
+def build(channels: str) -> tuple[Search, Samples, Samples]:
+    """The search, and the fixed sets of robots for training and for judging."""
+    chosen = scenario(channels)
+    objective = ComparisonObjective.of(chosen, vary(chosen).structure(), DURATION)
+    coefficients = np.array([COEFFICIENTS.get(name, 0.0) for name in TERMS])
+    search = Search(objective, coefficients, risk("mean"))
+    return search, samples(TRAINING, ROBOTS), samples(HELD_OUT, ROBOTS)
+
+
+def samples(first: int, count: int, seed: int = 0) -> Samples:
+    """Robots ``first`` to ``first + count - 1`` of a seed; shared and separate gains meet the same ones."""
+    variation = vary(scenario("shared"))
+    indices = range(first, first + count)
+    return Samples(variation.batch(sampler("independent", seed, len(variation.draws))(indices), indices))
