@@ -21,6 +21,7 @@ from coopmm_jax.validation import closest
 
 Range = Annotated[tuple[Positive, Positive], Field(min_length=2, max_length=2)]
 RangeAboveMinusOne = Annotated[tuple[AboveMinusOne, AboveMinusOne], Field(min_length=2, max_length=2)]
+Adversaries = Annotated[int, Strict(), Field(ge=0, le=32)]  # no search finds more different ones for certain
 Level = Annotated[float, Strict(), Field(ge=0, lt=1)]
 
 
@@ -71,6 +72,7 @@ class Tuning(Section):
     channels: Literal["separate", "shared"] = quantity("separate", "entries of a gain tuned one by one or as one")
     bounds: Bounds = quantity(Bounds(), "[low, high] by gain")
     weights: Weights = quantity(Weights(), "of the cost's terms, by name")
+    adversaries: Adversaries = quantity(0, "worst samples searched for after an iteration, to train on from then on")
     risk: Literal["mean", "cvar", "soft_worst", "worst"] = quantity("mean", "how samples' costs become one")
     risk_level: Level = quantity(0.9, "cvar: share of the samples left out, the best ones")
     sharpness: Positive = quantity(2.0, "soft_worst: of the exponential; towards worst as it grows")

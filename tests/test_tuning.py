@@ -102,9 +102,9 @@ def test_same_seed_same_bits_and_another_seed_others(rollouts):
     assert np.any(other.after != first.after)
 
 
-@pytest.mark.parametrize("optimiser", ["lbfgs", "adam"])
-def test_killed_and_resumed_is_uninterrupted(rollouts, tmp_path, optimiser):
-    settings = scenario(iterations=4, optimiser=optimiser, patience=9)
+@pytest.mark.parametrize("settings", [{}, {"optimiser": "adam"}, {"adversaries": 2}], ids=str)
+def test_killed_and_resumed_is_uninterrupted(rollouts, tmp_path, settings):
+    settings = scenario(iterations=4, patience=9, **settings)
     whole = tuning.tune(settings, out=tmp_path / "whole")
 
     def kill(row):
@@ -204,6 +204,22 @@ def test_each_iteration_halves_the_descents_and_doubles_their_samples(rollouts, 
     tuning.tune(scenario(iterations=4, survivors=5, patience=9))
     assert [lane[:2] for lane in lanes] == [(5, 3), (2, 7), (1, 15), (1, 15)]
     assert len({lane[2] for lane in lanes}) == 4  # drawn anew
+
+
+def test_adversaries_are_trained_on_from_then_on(rollouts, monkeypatch):
+    trained, descend = [], optimise.descend
+
+    def watched(search, chosen, candidates, samples, steps):
+        trained.append(samples.rows)
+        return descend(search, chosen, candidates, samples, steps)
+
+    monkeypatch.setattr(optimise, "descend", watched)
+    tuning.tune(scenario(iterations=3, survivors=1, adversaries=1, patience=9))
+    assert [len(rows) for rows in trained] == [3, 4, 5]
+    np.testing.assert_array_equal(trained[2][3], trained[1][3])
+    mass = int(np.flatnonzero(np.any(trained[0] != trained[0][0], axis=0))[0])
+    ends = 5.0 * np.array([0.8, 1.2])  # of the range drawn from: the cost is convex in the mass, so one of them is worst
+    assert np.min(np.abs(ends - trained[1][3, mass])) < 1e-6
 
 
 def test_the_better_half_is_kept_best_first():

@@ -20,16 +20,20 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.scenario import Scenario, load_scenario
 from coopmm_jax.uncertainty import HIGHEST, LOWEST, Variation
 from tuning import tiles
-from tuning.ascent import Ascent, Mark, ascend
+from tuning.ascent import LADDER, Ascent, Mark, ascend
 from tuning.objective import FAILED
 from tuning.optimise import Search
 from tuning.problem import Problem, build_problem
 from tuning.tiles import Samples
 
 ROLLOUTS = 409  # a tenth of 4,096
-STARTS = 64
+STARTS = 32
+CLIMBERS = 2  # at a time: more starts are tried than climbs could end
 TAIL = 0.005  # of an unbounded distribution, left out at either end
-REVERSE = 10  # rollouts that one gradient by reverse mode costs (measured: 9.7)
+REVERSE = 10  # rollouts that one gradient by reverse mode costs (measured: 8.5 to 11)
+# Draws up to which gradients come from differences: exact enough to climb by, and their program is compiled already,
+# while that of reverse mode takes half a minute. With more draws they would leave the budget too few rounds.
+DIFFERENCES = 32
 # First index of the random samples that a found one is compared with: no set of ``tuning/problem.py`` reaches it.
 RANDOM = 8_000_000
 _STEP = 1e-6  # of one-sided differences, in widths of the cube
@@ -38,14 +42,14 @@ _STEP = 1e-6  # of one-sided differences, in widths of the cube
 class SampleCost:
     """Cost of one vector of gains as a function of the point of the unit cube that a sample lies at.
 
-    A ``tuning.ascent.Landscape``. Its gradient comes from differences where they cost no more rollouts than reverse
-    mode, whose program takes minutes to compile the first time, and from reverse mode where draws are many.
+    A ``tuning.ascent.Landscape``; gradients come from one-sided differences, or by reverse mode where draws are many.
     """
 
     def __init__(self, search: Search, variation: Variation, vector: np.ndarray):
         self.search, self.variation, self.vector = search, variation, vector
         self.low, self.high = _box(variation)
-        self.slope_price = min(len(variation.draws), REVERSE)
+        self.reversed = len(variation.draws) > DIFFERENCES
+        self.slope_price = REVERSE if self.reversed else len(variation.draws)
 
     def samples(self, points: np.ndarray) -> Samples:
         """The samples at ``points`` (N, D), with the scenario's own noise."""
@@ -57,7 +61,7 @@ class SampleCost:
 
     def slopes(self, points: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Gradients (N, D) at points (N, D) whose costs are ``values`` (N,)."""
-        return self.differences(points, values) if points.shape[1] <= REVERSE else self.reverse(points)
+        return self.reverse(points) if self.reversed else self.differences(points, values)
 
     def differences(self, points: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Gradients by one-sided differences, each into the half of the cube that has more room."""
@@ -145,16 +149,15 @@ def falsify(
 def worst_samples(
     problem: Problem, vector: np.ndarray, count: int, rollouts: int = ROLLOUTS, starts: int = STARTS
 ) -> Samples:
-    """The ``count`` worst samples found against the gains of ``vector`` (n,): different ones, the worst first.
+    """Up to ``count`` worst samples found against the gains of ``vector`` (n,): different ones, the worst first.
 
-    Most are ends of climbs, and the rest starts. Under ``problem.training``, as ``falsify``.
+    Most are ends of climbs, and the rest starts; there are fewer where climbs end at the same point. Under
+    ``problem.training``, as ``falsify``.
 
     Raises:
-        UserError: the budget has no room for a climb, or finds fewer samples.
+        UserError: the budget has no room for a climb.
     """
     peaks = _climbed(problem, vector, rollouts, starts).peaks
-    if len(peaks) < count:
-        raise UserError("count", f"at most the {len(peaks)} samples that were found", count)
     landscape = SampleCost(problem.training, problem.variation, vector)
     return landscape.samples(np.stack([peak.point for peak in peaks[:count]]))
 
@@ -193,11 +196,13 @@ def _climbed(problem: Problem, vector: np.ndarray, rollouts: int, starts: int) -
     landscape = SampleCost(problem.training, problem.variation, vector)
     if starts < 1:
         raise UserError("starts", "at least 1", starts)
-    if rollouts <= starts:
-        raise UserError("rollouts", f"more than starts ({starts})", rollouts)
+    least = starts + landscape.slope_price + len(LADDER)
+    if rollouts < least:
+        raise UserError("rollouts", f"at least {least}, for {starts} starts and one step of a climb", rollouts)
     engine = qmc.Sobol(len(landscape.low), scramble=True, rng=problem.scenario.simulation.seed)
     points = engine.random_base2((starts - 1).bit_length())[:starts]
-    return ascend(landscape, landscape.low + (landscape.high - landscape.low) * points, rollouts, enough=FAILED)
+    inside = landscape.low + (landscape.high - landscape.low) * points
+    return ascend(landscape, inside, rollouts, CLIMBERS, enough=FAILED)
 
 
 def _box(variation: Variation) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import threading
 from typing import Any, NamedTuple
@@ -15,6 +16,9 @@ from coopmm_jax.parameters import Parameters
 from tuning.objective import FAILED, TERMS, Objective
 
 TILE = 32  # lanes: one core is fastest with 32 to 64, and the usual 4 candidates x 16 samples fill two cores
+# What differentiates by a sample's numbers takes LLVM minutes to optimise, and is run a few times: without, it compiles
+# five times as fast and runs three times as slow.
+_UNOPTIMISED = {"xla_backend_optimization_level": 0}
 _COMPILING = threading.Lock()
 
 
@@ -27,6 +31,12 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def extended(self, rows: np.ndarray) -> Samples:
+        """These samples, then those of ``rows`` (M, leaves)."""
+        both = copy.copy(self)
+        both.rows = np.concatenate([self.rows, rows])
+        return both
 
 
 class Evaluated(NamedTuple):
@@ -114,4 +124,5 @@ def _program(kind: str, objective: Objective, structure: Any, leaves: int) -> An
 
     double = functools.partial(jax.ShapeDtypeStruct, dtype=np.float64)
     arguments = double((TILE, objective.space.size)), double((TILE, leaves)), double((TILE, len(TERMS)))
-    return jax.jit(jax.vmap(lane)).lower(*arguments).compile()
+    options = _UNOPTIMISED if kind == "sensitivity" else None
+    return jax.jit(jax.vmap(lane)).lower(*arguments).compile(compiler_options=options)

@@ -17,6 +17,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.gains_file import gains_text
 from coopmm_jax.scenario import Scenario, load_scenario
 from tuning import optimise, state
+from tuning.falsify import worst_samples
 from tuning.measure import Comparison, compare
 from tuning.optimise import Candidate
 from tuning.problem import RACE, TEST, TRAINING, VALIDATION, Problem, build_problem
@@ -41,6 +42,7 @@ class Progressing:
 
     candidates: list[Candidate]
     best: np.ndarray  # vector of the lowest validation risk (n,)
+    worst: np.ndarray  # rows of the samples found against earlier gains (W, leaves), see ``tiles.Samples``
     history: list[Row] = field(default_factory=list)
 
     @property
@@ -128,7 +130,7 @@ def _start(problem: Problem, chosen: optimise.LBFGS | optimise.Optax) -> Progres
     value = float(problem.validation.values(space.start[None], fixed)[0])
     training = float(problem.training.values(space.start[None], fixed)[0])
     candidates = [Candidate(vector, chosen.start(vector)) for vector in survivors]
-    return Progressing(candidates, space.start, [Row(0, training, value, value, 0, 0.0)])
+    return Progressing(candidates, space.start, fixed.rows[:0], [Row(0, training, value, value, 0, 0.0)])
 
 
 def _iterate(
@@ -143,13 +145,16 @@ def _iterate(
     fixed = problem.samples(VALIDATION, s.validation_samples)
     while len(run.history) <= s.iterations and run.stale < s.patience and time.monotonic() - began < s.time_budget:
         number, lanes = len(run.history), s.survivors * s.samples
-        samples = problem.samples(TRAINING + (number - 1) * lanes, lanes // len(run.candidates))
+        samples = problem.samples(TRAINING + (number - 1) * lanes, lanes // len(run.candidates)).extended(run.worst)
         candidates, training, rejected = optimise.descend(problem.training, chosen, run.candidates, samples, s.steps)
         validation = problem.validation.values(np.stack([c.vector for c in candidates]), fixed)
         best = run.history[-1].best
         if validation.min() < best:
             best, run.best = float(validation.min()), candidates[int(validation.argmin())].vector
         run.candidates = optimise.better_half(candidates, validation)
+        if s.adversaries:
+            found = worst_samples(problem, run.candidates[0].vector, s.adversaries)
+            run.worst = np.concatenate([run.worst, found.rows])
         seconds = round(time.monotonic() - began, 3)
         row = Row(number, float(training.min()), float(validation.min()), best, rejected, seconds)
         run.history.append(row)
@@ -160,7 +165,8 @@ def _iterate(
 
 
 def _packed(run: Progressing) -> dict[str, np.ndarray]:
-    arrays = {"best": run.best, "history": np.array(run.history, dtype=float), "count": np.array(len(run.candidates))}
+    arrays = {"best": run.best, "worst": run.worst, "history": np.array(run.history, dtype=float)}
+    arrays["count"] = np.array(len(run.candidates))
     for i, candidate in enumerate(run.candidates):
         for j, leaf in enumerate(jax.tree.leaves(candidate)):
             arrays[f"candidate_{i}_{j}"] = np.asarray(leaf)
@@ -175,7 +181,7 @@ def _unpacked(problem: Problem, chosen: optimise.LBFGS | optimise.Optax, arrays:
         candidate = jax.tree.unflatten(structure, leaves)
         candidates.append(candidate._replace(reach=float(candidate.reach)))
     history = [Row(int(r[0]), *map(float, r[1:4]), int(r[4]), float(r[5])) for r in arrays["history"]]
-    return Progressing(candidates, arrays["best"], history)
+    return Progressing(candidates, arrays["best"], arrays["worst"], history)
 
 
 def _result(problem: Problem, run: Progressing) -> TuningResult:

@@ -14,6 +14,8 @@ from coopmm_jax.overrides import merged
 from coopmm_jax.scenario import Scenario, load_scenario
 from coopmm_jax.store import result_folder
 
+ADVERSARIES = 4  # of --adversarial: a fifth of what the last descent is trained on after four iterations
+
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
@@ -31,6 +33,11 @@ def add(commands: Any) -> None:
     parser.add_argument("--out", metavar="DIR", default="tuned", help="folder for all results (default tuned)")
     parser.add_argument("--resume", action="store_true", help="go on with the run in DIR, with the same settings")
     parser.add_argument("--pareto", metavar="K", type=int, help="tune K weightings between quality and effort at once")
+    parser.add_argument(
+        "--adversarial",
+        action="store_true",
+        help=f"train on the worst samples too that are found on the way, short for --tuning.adversaries {ADVERSARIES}",
+    )
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
 
 
@@ -38,6 +45,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     """Tune, then print and write the report."""
     if options.seed is not None:
         changes = changes | {"simulation.seed": options.seed}
+    if options.adversarial:
+        changes = {"tuning.adversaries": ADVERSARIES} | changes
     if options.gains_file:
         changes = merged(read_gains(options.gains_file), changes)
     scenario = load_scenario(options.scenario, **changes)
@@ -68,6 +77,8 @@ def _front(scenario: Scenario, options: argparse.Namespace) -> int:
     """The front between quality and effort in place of one tuning."""
     if options.resume:
         raise UserError("--resume", "left out where --pareto is given", "given")
+    if scenario.tuning.adversaries:
+        raise UserError("tuning.adversaries", "0 where --pareto is given", scenario.tuning.adversaries)
     from tqdm import tqdm  # this and the next two are slow to import
 
     from tuning.pareto import Round, tune_front
