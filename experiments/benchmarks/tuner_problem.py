@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -73,6 +74,21 @@ class ComparisonObjective(Objective):
         }
 
 
+class Clock(NamedTuple):
+    """Wall time and CPU time of all cores [s]: others' work slows down the first alone."""
+
+    wall: float
+    cpu: float
+
+    @classmethod
+    def now(cls) -> Clock:
+        """Readings whose differences count."""
+        return cls(time.perf_counter(), time.process_time())
+
+    def __sub__(self, other: Clock) -> Clock:
+        return Clock(self.wall - other.wall, self.cpu - other.cpu)
+
+
 @dataclass
 class Meter:
     """The search that every tuner is given: counts simulated steps and notes every improvement."""
@@ -80,8 +96,8 @@ class Meter:
     search: Search
     budget: float  # [simulated steps]
     steps: float = 0.0
-    began: float = field(default_factory=time.perf_counter)
-    trail: list[tuple[float, float, np.ndarray]] = field(default_factory=list)  # (steps, wall time [s], vector)
+    clock: Clock = field(default_factory=lambda: Clock.now())
+    trail: list[tuple[float, Clock, np.ndarray]] = field(default_factory=list)  # (steps, time since the start, vector)
 
     def values(self, vectors: np.ndarray, samples: Samples) -> np.ndarray:
         """Mean cost of every candidate (C,); vectors are (C, n)."""
@@ -95,7 +111,7 @@ class Meter:
 
     def note(self, vector: np.ndarray) -> None:
         """The best gains from here on."""
-        self.trail.append((self.steps, time.perf_counter() - self.began, np.array(vector)))
+        self.trail.append((self.steps, Clock.now() - self.clock, np.array(vector)))
 
     @property
     def spent(self) -> bool:
