@@ -1,0 +1,86 @@
+"""The commands and Python blocks of a README at small size, as JSON: run by test_readme.py in a process of its own.
+
+Of its own for the reason that ``gradient_worker`` gives. Jobs come on the standard input, as [kind, text, more words].
+"""
+
+import contextlib
+import functools
+import importlib
+import inspect
+import io
+import json
+import math
+import re
+import shlex
+import sys
+import time
+import traceback
+
+import jax
+
+from coopmm_jax import cli, runtime
+from experiments import readme_media
+from experiments.benchmarks import loops, rollout, sweep
+
+VALUE = re.compile(r"^(\S.*?) +# (-?\d+(?:\.\d+)?) ")  # a line of Python with what it is said to give
+
+
+def make_experiments_small():
+    """Where no option makes an experiment small: shorter, fewer, or traced without being compiled."""
+    readme_media.write_media = functools.partial(readme_media.write_media, force_time=0.2, robots_time=0.2)
+    rollout._compiled = _traced
+    kept, sampled = loops.loops(), (loops.IDEAL, "sensed")
+    loops.loops, loops.DURATIONS = lambda: {name: kept[name] for name in sampled}, {1: 0.01}
+    # One sweep for all cases, with the programs of ``coopmm sweep sensed``; what it takes says nothing here.
+    sweep.SCENARIO, sweep.LONGEST, sweep.LARGEST = "sensed", math.inf, math.inf
+    sweep.FIRST = sweep.SCALE = sweep.SHORT_FIRST = sweep.FEW = sweep.MANY = sweep.Case(16, 0.1)
+    sweep.measure = functools.cache(sweep.measure)
+
+
+def _traced(name, precision, lanes, steps, function, *arguments):
+    if lanes == 1 and "gradient" not in name:  # the others take long even to trace, and differ in a vmap or a grad
+        jax.eval_shape(function, *arguments)
+    return rollout.Program(name, precision, lanes, steps, 0.0, 0.0, lambda: time.sleep(1e-4))
+
+
+def run_command(text, more):
+    """Exit code of a command with more words at its end."""
+    program, *words = shlex.split(text, comments=True)
+    main = cli.main
+    if program == "python":
+        assert words[0] == "-m", text
+        main = importlib.import_module(words[1]).main
+        words = words[2:]
+    sys.argv = [program, *words, *more]
+    try:
+        return main(sys.argv[1:]) if inspect.signature(main).parameters else main()
+    except SystemExit as ended:  # argparse, after help or a bad option
+        return ended.code
+
+
+def run_block(text, names):
+    """Execute a block among the names of those before it; the lines that say their value, with what it is."""
+    exec(text, names)
+    lines = filter(None, map(VALUE.match, text.splitlines()))
+    return [(float(line[2]), float(eval(line[1], names))) for line in lines]
+
+
+def main():
+    """Print, for each job, its exit code or what its lines gave, and what it said."""
+    assert runtime.use_fast_compilation()
+    make_experiments_small()
+    names, results = {}, []
+    for kind, text, more in json.load(sys.stdin):
+        said = io.StringIO()
+        began = time.process_time()
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            try:
+                outcome = run_command(text, more) if kind == "command" else run_block(text, names)
+            except Exception:
+                outcome = traceback.format_exc()
+        results.append({"outcome": outcome, "said": said.getvalue(), "seconds": time.process_time() - began})
+    print(json.dumps(results))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,129 @@
+"""What the READMEs tell a reader to type works: every command, at small size, and every block of Python."""
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import pytest
+
+from tests import readme_worker, tuning_worker
+
+ROOT = Path(__file__).parent.parent
+SHORT = ["--simulation.duration", "0.1"]
+FEW = {"starts": 2, "survivors": 1, "iterations": 1, "steps": 1, "samples": 2, "race-samples": 2, "test-samples": 4}
+# The loop and the gains of test_tuning_rollouts.py, whose compiled gradient this shares.
+TUNING = {name: value for name, value in tuning_worker.SCENARIO["tuning"].items() if name != "weights"}
+SHORT_TUNING = [
+    *shlex.split(f"--simulation.duration {tuning_worker.HORIZON} --law.feedforward projected"),
+    *(word for name, value in (TUNING | FEW).items() for word in (f"--tuning.{name}", json.dumps(value))),
+]
+
+# Every command, with the words that make it small (the worker makes small what has no option for it).
+SMALL = {
+    "python -m experiments.reproduce_paper --out results/paper": ["--duration", "0.05"],
+    "coopmm simulate sensed --gains.K-lambda 2 --out results/run": SHORT,
+    "coopmm animate paper --against paper_full --out results/robots.gif": SHORT,
+    "coopmm scenarios": [],
+    "coopmm sweep sensed --samples 1000 --out results/sensed.zarr": [*SHORT, "--samples", "16"],
+    "coopmm tune sensed --out results/tuned": SHORT_TUNING,
+    "coopmm simulate sensed --gains-file results/tuned/gains.toml": SHORT,
+    "coopmm report results/sensed.zarr": [],
+    "coopmm simulate --from results/sensed.zarr --sample 12": [],
+    "coopmm simulate --help": [],
+    "python -m experiments.reproduce_paper": ["--duration", "0.05"],
+    "python -m experiments.paper_checks": ["u26"],
+    "python -m experiments.readme_media": [],
+    "python -m experiments.benchmarks.rollout": ["--rounds", "1"],
+    "python -m experiments.benchmarks.loops": ["--rounds", "1"],
+    "python -m experiments.benchmarks.sweep": [],
+}
+MAKE = ("make demo", "make test")
+
+
+def commands(text):
+    """Commands in the code of a README, each once: code spans, indented lines, fenced blocks that are not Python."""
+    text = re.sub(r"^```python\n.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+    text = re.sub(r"^```\w*\n(.*?)^```$", lambda m: re.sub("^", "    ", m[1], flags=re.M), text, flags=re.M | re.S)
+    code = (a or b for a, b in re.findall(r"^ {4}(.+)$|`([^`\n]+)`", text, flags=re.MULTILINE))
+    lines = (shlex.join(shlex.split(line, comments=True)) for line in code if re.match(r"(coopmm|python|make) ", line))
+    return list(dict.fromkeys(lines))
+
+
+def blocks(text):
+    """The blocks of Python."""
+    return re.findall(r"^```python\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
+
+
+READMES = [(ROOT / folder / "README.md").read_text(encoding="utf-8") for folder in (".", "experiments")]
+FOUND = list(dict.fromkeys(command for text in READMES for command in commands(text)))
+COMMANDS = [command for command in FOUND if command not in MAKE]
+BLOCKS = [block for text in READMES for block in blocks(text)]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("reader")
+
+
+@pytest.fixture(scope="module")
+def results(folder):
+    """Command or block -> what came of it, in the order of the READMEs, as some need what others wrote."""
+    known = [command for command in COMMANDS if command in SMALL]
+    jobs = [("command", command, SMALL[command]) for command in known] + [("block", block, []) for block in BLOCKS]
+    own = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-m", readme_worker.__name__],
+        input=json.dumps(jobs),
+        cwd=folder,
+        env=os.environ | own,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return {text: result for (_, text, _), result in zip(jobs, json.loads(done.stdout), strict=True)}
+
+
+def test_commands_are_found_in_all_kinds_of_code():
+    text = "`coopmm a --b 1` and `else`\n\n    make c  # why\n\n```sh\npython -m d\n```\n```python\ncoopmm = 1\n```\n"
+    assert sorted(commands(text)) == ["coopmm a --b 1", "make c", "python -m d"]
+    assert blocks(text) == ["coopmm = 1\n"]
+    assert len(COMMANDS) >= 15
+    assert len(BLOCKS) >= 2
+
+
+def test_every_command_has_its_small_size():
+    assert [command for command in COMMANDS if command not in SMALL] == [], "say in SMALL what makes them small"
+    assert [command for command in SMALL if command not in COMMANDS] == [], "no README has these any more"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_command(results, folder, command):
+    assert command in results, f"{command}: say in SMALL what makes it small"
+    assert results[command]["outcome"] == 0, results[command]["said"]
+    words = command.split()
+    assert "--out" not in words or (folder / words[words.index("--out") + 1]).exists()
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.splitlines()[0])
+def test_python_block(results, block):
+    values = results[block]["outcome"]
+    assert isinstance(values, list), values
+    assert [found for _, found in values] == pytest.approx([said for said, _ in values], rel=1e-3)
+
+
+def test_numbers_that_the_blocks_show_are_compared(results):
+    assert sum(len(results[block]["outcome"]) for block in BLOCKS) >= 1
+
+
+def test_make_has_both_targets_and_every_change_is_tested():
+    assert sorted(command for command in FOUND if command.startswith("make ")) == sorted(MAKE)
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for command in MAKE:
+        assert re.search(rf"^{command.split()[1]}:.*\n\t", makefile, flags=re.MULTILINE)
+    assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()[-1] == "exec make test"
