@@ -20,7 +20,7 @@ import jax
 
 from coopmm_jax import cli, runtime
 from experiments import readme_media
-from experiments.benchmarks import loops, rollout, sweep
+from experiments.benchmarks import loops, rollout, sweep, tuner_problem, tuners
 
 VALUE = re.compile(r"^(\S.*?) +# (-?\d+(?:\.\d+)?) ")  # a line of Python with what it is said to give
 
@@ -35,6 +35,9 @@ def make_experiments_small():
     sweep.SCENARIO, sweep.LONGEST, sweep.LARGEST = "sensed", math.inf, math.inf
     sweep.FIRST = sweep.SCALE = sweep.SHORT_FIRST = sweep.FEW = sweep.MANY = sweep.Case(16, 0.1)
     sweep.measure = functools.cache(sweep.measure)
+    tuner_problem.DURATION, tuner_problem.ROBOTS, tuners.ROBOTS = 0.02, 4, 4
+    tuners.PROBLEMS = {"shared": ("4 shared gains", 3)}
+    tuners._compile = lambda search, robots: (tuner_problem.Clock(0.0, 0.0),) * 2  # the gradient takes half a minute
 
 
 def _traced(name, precision, lanes, steps, function, *arguments):
@@ -53,7 +56,8 @@ def run_command(text, more):
         words = words[2:]
     sys.argv = [program, *words, *more]
     try:
-        return main(sys.argv[1:]) if inspect.signature(main).parameters else main()
+        with jax.enable_x64(jax.config.jax_enable_x64):  # a command may set it for the rest of its process
+            return main(sys.argv[1:]) if inspect.signature(main).parameters else main()
     except SystemExit as ended:  # argparse, after help or a bad option
         return ended.code
 

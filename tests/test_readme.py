@@ -41,6 +41,7 @@ SMALL = {
     "python -m experiments.benchmarks.rollout": ["--rounds", "1"],
     "python -m experiments.benchmarks.loops": ["--rounds", "1"],
     "python -m experiments.benchmarks.sweep": [],
+    "python -m experiments.benchmarks.tuners": shlex.split("--problems shared --tuners nelder_mead --seeds 1"),
 }
 MAKE = ("make demo", "make test")
 
