@@ -1,0 +1,192 @@
+"""The front between quality and effort, around closed-form costs in the place of rollouts."""
+
+import csv
+
+import jax
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from coopmm_jax.cli import main
+from coopmm_jax.gains_file import read_gains
+from coopmm_jax.scenario import load_scenario
+from tuning import optimise, pareto, pareto_report, tiles
+from tuning.objective import FAILED, TERMS
+from tuning.optimise import Candidate
+from tuning.pareto import Front, Weighted, non_dominated, tune_front
+from tuning.problem import build_problem
+from tuning.risk import risk
+
+MASS = {"plant.m_p": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}}
+SMALL = {"validation_samples": 4, "test_samples": 8, "race_samples": 2, "samples": 3, "starts": 16, "survivors": 2}
+IS_EFFORT = np.array([name in pareto.EFFORT for name in TERMS])
+
+
+def scenario(**settings):
+    return load_scenario("paper", uncertainty=MASS, tuning={"channels": "shared", "patience": 9} | SMALL | settings)
+
+
+def terms_of(vectors, rows):
+    """Every term of quality is |x - 1|^2, of effort |x + 1|^2, times a factor that depends on the sample (C, N, 9)."""
+    quality, effort = (np.sum((vectors - place) ** 2, axis=1) for place in (1.0, -1.0))
+    return np.where(IS_EFFORT, effort[:, None], quality[:, None])[:, None, :] * weight_of(rows)[None, :, None] + 1e-3
+
+
+def weight_of(rows):
+    """A number of each sample (N,) around 1."""
+    return 1.0 + 0.1 * np.mean(np.where(np.abs(rows) < 100.0, rows, 0.0), axis=1)  # no limits, no stream's number
+
+
+@pytest.fixture
+def rollouts(monkeypatch):
+    """Closed forms instead of rollouts."""
+
+    def evaluate(objective, vectors, samples):
+        terms = terms_of(np.asarray(vectors), samples.rows)
+        return tiles.Evaluated(terms, np.ones(terms.shape[:2], bool), np.ones(terms.shape[:2]))
+
+    def gradients(objective, vectors, samples, coefficients):
+        x = np.asarray(vectors)
+        coefficients = np.broadcast_to(coefficients, (len(x), len(TERMS)))
+        costs = evaluate(objective, x, samples).costs(coefficients[:, None, :])
+        places = np.where(IS_EFFORT, -1.0, 1.0)
+        slopes = 2.0 * np.sum(coefficients[:, :, None] * (x[:, None, :] - places[:, None]), axis=1)
+        return costs, slopes[:, None, :] * weight_of(samples.rows)[None, :, None]
+
+    monkeypatch.setattr(tiles, "evaluate", evaluate)
+    monkeypatch.setattr(tiles, "gradients", gradients)
+
+
+def test_non_dominated_against_the_definition():
+    points = np.random.default_rng(0).integers(0, 5, size=(60, 2)).astype(float)  # ties among them
+    expected = [not any(np.all(other <= point) and np.any(other < point) for other in points) for point in points]
+    assert non_dominated(points).tolist() == expected
+    assert 0 < sum(expected) < len(points)
+
+
+def test_a_convex_curve_dominates_nothing_and_everything_behind_it():
+    angle = np.linspace(0.0, np.pi / 2, 9)
+    curve = 1.0 - np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    assert non_dominated(curve).all()
+    assert non_dominated(np.concatenate([curve, curve + 0.2])).tolist() == [True] * 9 + [False] * 9
+
+
+def test_front_of_two_quadratics(rollouts):
+    """(a |x - 1|^2 + b |x + 1|^2) is least at (a - b) / (a + b), with a and b from the weight and the scales."""
+    settings = scenario(iterations=6)
+    front = tune_front(settings, 4)
+    problem = build_problem(settings)
+    scales = problem.validation.coefficients / np.array([getattr(settings.tuning.weights, name) for name in TERMS])
+    assert front.weights == pytest.approx(np.geomspace(0.01, 10.0, 4))
+    for weight, gains in zip(front.weights, front.gains, strict=True):
+        a, b = scales[0], weight * scales[-1]
+        expected = problem.space.gains(np.full(problem.space.size, (a - b) / (a + b)))
+        np.testing.assert_allclose(jax.tree.leaves(gains), jax.tree.leaves(expected), rtol=1e-3)
+    assert not front.dominated.any()
+    assert np.all(np.diff(front.points[1:, 0]) > 0.0)
+    assert np.all(np.diff(front.points[1:, 1]) < 0.0)
+    np.testing.assert_allclose(front.validation[0], 1.0, rtol=1e-12)  # the scenario's gains
+
+
+def test_a_weighting_descends_as_if_alone(rollouts):
+    """Candidates of several weightings side by side have the bits that each has under one common search."""
+    problem = build_problem(scenario())
+    search, chosen, samples = problem.training, optimise.LBFGS(), problem.samples(7, 3)
+    coefficients = np.outer([1.0, 0.3, 5.0], search.coefficients) * np.random.default_rng(1).uniform(1, 2, (3, 9))
+    starts = np.random.default_rng(2).normal(size=(3, problem.space.size))
+    several = [Candidate(start, chosen.start(start)) for start in starts]
+    together = optimise.descend(Weighted(search.objective, coefficients, search.risk), chosen, several, samples, 3)
+    for i, one in enumerate(several):
+        single = optimise.Search(search.objective, coefficients[i], search.risk)
+        alone = optimise.descend(single, chosen, [one], samples, 3)
+        assert together[1][i] == alone[1][0]
+        for a, b in zip(jax.tree.leaves(together[0][i]), jax.tree.leaves(alone[0][0]), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_same_seed_same_bits(rollouts):
+    first, again = (tune_front(scenario(iterations=2), 3) for _ in range(2))
+    np.testing.assert_array_equal(first.values, again.values)
+    np.testing.assert_array_equal(first.points, again.points)
+
+
+def test_what_one_weighting_finds_serves_another(rollouts, monkeypatch):
+    """Descents that stand still leave every weighting the best of all that was validated."""
+    monkeypatch.setattr(optimise, "descend", lambda search, chosen, candidates, *_: (candidates, np.zeros(1), 0))
+    front = tune_front(scenario(iterations=1), 3)
+    for i, weight in enumerate(front.weights):
+        costs = front.tried @ [1.0, weight]
+        assert front.validation[i + 1] @ [1.0, weight] == pytest.approx(costs.min(), rel=1e-9)
+
+
+def test_risk_of_a_weighting_is_that_of_its_costs(rollouts):
+    problem = build_problem(scenario())
+    vectors, samples = np.random.default_rng(3).normal(size=(4, problem.space.size)), problem.samples(0, 5)
+    coefficients = np.random.default_rng(4).uniform(size=(2, 9))
+    with jax.enable_x64(True):
+        values = Weighted(problem.training.objective, coefficients, risk("cvar", 0.5)).values(vectors, samples)
+        costs = terms_of(vectors, samples.rows)
+        expected = [risk("cvar", 0.5)(costs[i] @ coefficients[i // 2]) for i in range(4)]  # two vectors per candidate
+    np.testing.assert_allclose(values, expected, rtol=1e-12)
+
+
+def made_up():
+    """Four weightings: the second is dominated by the third, the last two share their gains; one try failed."""
+    points = np.array([[1.0, 1.0], [0.1, 3.0], [0.5, 1.5], [0.4, 0.8], [0.4, 0.8]])
+    settings = scenario()
+    gains = settings.parameters().gains
+    values = np.arange(10.0).reshape(5, 2)
+    tried = np.concatenate([0.9 * points, [[FAILED, FAILED]]])
+    return Front(settings, ["K_I", "gamma"], np.geomspace(0.01, 10.0, 4), [gains] * 4, values, points, points, tried)
+
+
+@pytest.mark.parametrize("small", [False, True])
+def test_picture_marks_what_is_dominated(small):
+    axes = Figure(figsize=(3.2, 2.4), layout="constrained").subplots() if small else None
+    figure = pareto_report.picture(made_up(), axes=axes)
+    FigureCanvasAgg(figure).draw()
+    lines = {line.get_label(): line for line in figure.axes[0].lines}
+    assert lines["the same, dominated"].get_xydata().tolist() == [[1.5, 0.5]]
+    assert lines["untouched samples"].get_xydata().tolist() == [[0.8, 0.4], [0.8, 0.4], [3.0, 0.1]]
+    assert len(lines["tried (validation)"].get_xdata()) == 5
+    assert [text.get_text() for text in figure.axes[0].texts] == ["0.01", "0.1", "1, 10"]
+
+
+def test_table_says_what_is_dominated():
+    lines = pareto_report.table(made_up()).splitlines()
+    assert [line.endswith("dominated") for line in lines[4:]] == [False, True, False, False]
+
+
+def test_command_writes_gains_that_can_be_used_and_overwrites_nothing(rollouts, tmp_path, capsys):
+    path, out = tmp_path / "scenario.toml", tmp_path / "front"
+    path.write_text(scenario(iterations=2).to_toml())
+    assert main(["tune", str(path), "--pareto", "3", "--out", str(out)]) == 0
+    names = {"front.csv", "front.txt", "front.png", "gains_01.toml", "gains_02.toml", "gains_03.toml"}
+    assert {file.name for file in out.iterdir()} == names
+    assert (out / "front.txt").read_text() in capsys.readouterr().out
+    rows = list(csv.DictReader((out / "front.csv").read_text().splitlines()))
+    assert [row["gains"] for row in rows] == ["start", "gains_01.toml", "gains_02.toml", "gains_03.toml"]
+    for row in rows[1:]:
+        gains = load_scenario("paper", **read_gains(out / row["gains"])).parameters().gains
+        assert gains.K_I[0] == float(row["K_I"])
+    before = {file: file.read_bytes() for file in out.iterdir()}
+    assert main(["tune", str(path), "--pareto", "3", "--out", str(out)]) == 2
+    assert "--out: must be a folder without a front, was" in capsys.readouterr().err
+    assert {file: file.read_bytes() for file in out.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--pareto", "1"], "--pareto: must be at least 2 weightings, was 1"),
+        (["--pareto", "2", "--resume"], "--resume: must be left out where --pareto is given"),
+        (["--pareto", "2", *(f"--tuning.weights.{name}=0" for name in pareto.EFFORT)], "one term of effort"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, arguments, message):
+    assert main(["tune", "sensed", *arguments, "--out", str(tmp_path / "front")]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
