@@ -36,7 +36,7 @@ STEP = 1e-4  # of central differences
 
 
 def main():
-    """Print gradient and central differences (n,), one candidate's costs alone and among eight, and names."""
+    """Print gradient and central differences (n,), one candidate's costs alone and among eight others, and names."""
     runtime.use_fast_compilation()
     jax.config.update("jax_enable_x64", True)
     problem = build_problem(load_scenario("sensed", **SCENARIO))
@@ -46,7 +46,8 @@ def main():
     moved = np.concatenate([start + sign * STEP * np.eye(space.size) for sign in (1, -1)])
     ahead, behind = np.split(tiles.evaluate(search.objective, moved, samples).costs(search.coefficients), 2)
     others = np.concatenate([start + 0.1 * np.random.default_rng(0).normal(size=(8, space.size)), start[None]])
-    among, slopes = tiles.gradients(search.objective, others, samples, search.coefficients)
+    weightings = np.outer([*np.linspace(0.1, 5.0, 8), 1.0], search.coefficients)  # one for each candidate
+    among, slopes = tiles.gradients(search.objective, others, samples, weightings)
     parameters = jax.tree.unflatten(samples.structure, list(jnp.asarray(samples.rows.T)))
     plain = jax.vmap(search.objective.cost, in_axes=(None, 0, None))(start, parameters, search.coefficients)
     results = {
