@@ -73,7 +73,8 @@ def picture(front: Front, axes: Any = None) -> Figure:
     chain = points[good][np.argsort(points[good, 1], kind="stable")]
     colour = pen(0)["color"]
     panel.plot(chain[:, 1], chain[:, 0], "o-", color=colour, linewidth=1.2, label="untouched samples")
-    panel.plot(points[~good, 1], points[~good, 0], "o", color=colour, mfc="white", label="the same, dominated")
+    if not good.all():
+        panel.plot(points[~good, 1], points[~good, 0], "o", color=colour, mfc="white", label="the same, dominated")
     panel.plot(*front.points[0, ::-1], "s", color=pen(4)["color"], markersize=7, label="scenario's gains")
     _name_points(panel, front)
     panel.set(xscale="log", yscale="log", xlabel="effort [-]", ylabel="quality: errors of tracking and force [-]")

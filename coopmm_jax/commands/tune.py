@@ -42,7 +42,11 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
-    """Tune, then print and write the report."""
+    """Tune, then print and write the report.
+
+    Raises:
+        UserError: --resume with --pareto, or as ``read_gains``, ``load_scenario``, ``tune`` and ``tune_front``.
+    """
     if options.seed is not None:
         changes = changes | {"simulation.seed": options.seed}
     if options.adversarial:
