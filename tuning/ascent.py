@@ -22,7 +22,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 # How far the coordinate of the steepest slope would move, in widths of the box, were there no box.
-LADDER = (1e6, 16.0, 4.0, 1.0, 0.3, 0.1, 0.03)
+LADDER = (1e6, 8.0, 2.0, 0.5, 0.13, 0.03, 0.008)
 _WORTH = 1e-6  # relative gain below which a climb is at its top
 
 

@@ -47,7 +47,7 @@ class SampleCost:
 
     def __init__(self, search: Search, variation: Variation, vector: np.ndarray):
         self.search, self.variation, self.vector = search, variation, vector
-        self.low, self.high = _box(variation)
+        self.low, self.high = box(variation)
         self.reversed = len(variation.draws) > DIFFERENCES
         self.slope_price = REVERSE if self.reversed else len(variation.draws)
 
@@ -205,8 +205,8 @@ def _climbed(problem: Problem, vector: np.ndarray, rollouts: int, starts: int) -
     return ascend(landscape, inside, rollouts, CLIMBERS, enough=FAILED)
 
 
-def _box(variation: Variation) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the search (D,): of the cube, but for draws behind a normal distribution."""
+def box(variation: Variation) -> tuple[np.ndarray, np.ndarray]:
+    """Ends (D,) of the search: of the cube, but for draws behind a normal distribution."""
     endless = {number.draw for number in variation.numbers if number.distribution.distribution == "normal"}
     low = np.array([TAIL if draw in endless else LOWEST for draw in variation.draws])
     return low, np.where(low == TAIL, 1.0 - TAIL, HIGHEST)

@@ -30,7 +30,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
     parser.add_argument("--gains-file", metavar="FILE", help="TOML file with [gains], as coopmm tune writes it")
     parser.add_argument("--rollouts", metavar="N", type=int, default=409, help="budget (default %(default)d)")
-    parser.add_argument("--starts", metavar="N", type=int, default=64, help="of climbs (default %(default)d)")
+    parser.add_argument("--starts", metavar="N", type=int, default=32, help="of climbs (default %(default)d)")
     parser.add_argument("--out", metavar="FILE", help="scenario file to write, for coopmm simulate; must not exist")
     parser.add_argument(
         "--compare-random",

@@ -1,0 +1,236 @@
+"""The search for the worst sample: closed-form costs in place of rollouts, then real ones in a process of their own."""
+
+import doctest
+import json
+import os
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+
+from coopmm_jax import cli
+from coopmm_jax.scenario import load_scenario
+from coopmm_jax.uncertainty import vary
+from tests import falsify_worker
+from tuning import ascent, falsify, tiles
+from tuning.ascent import LADDER, ascend
+from tuning.objective import FAILED, TERMS
+from tuning.problem import build_problem
+
+HIGH = np.array([1.0, 2.0, 1.0, 3.0])
+
+
+class Hill:
+    """Minus a skew quadratic around a point, on a box of four unlike sides; counts what is asked of it."""
+
+    low, high, slope_price = np.zeros(4), HIGH, 3
+
+    def __init__(self, centre, skew=0.0):
+        self.centre, self.spent, self.calls = np.array(centre), 0, []
+        self.curvature = np.diag([1.0, 3.0, 0.5, 2.0]) + skew * np.ones((4, 4))
+
+    def values(self, points):
+        assert np.all((self.low <= points) & (points <= self.high))
+        self.spent += len(points)
+        self.calls.append(points)
+        away = points - self.centre
+        return -np.sum((away @ self.curvature) * away, axis=1)
+
+    def slopes(self, points, values):
+        self.spent += self.slope_price * len(points)
+        return -2.0 * (points - self.centre) @ self.curvature
+
+
+def starts(count, seed=0):
+    return np.random.default_rng(seed).random((count, 4)) * HIGH
+
+
+@pytest.mark.parametrize("module", [ascent, falsify])
+def test_examples_in_docstrings(module):
+    assert doctest.testmod(module).failed == 0
+
+
+@pytest.mark.parametrize(
+    ("centre", "top"),
+    [
+        ((0.4, 1.5, 0.3, 0.9), (0.4, 1.5, 0.3, 0.9)),  # inside
+        ((9.0, -9.0, 0.3, 0.9), (1.0, 0.0, 0.3, 0.9)),  # on a face of two dimensions
+        ((9.0, -9.0, 9.0, -9.0), (1.0, 0.0, 1.0, 0.0)),  # at a corner
+    ],
+)
+def test_finds_the_maximum_inside_on_a_face_and_at_a_corner(centre, top):
+    found = ascend(Hill(centre), starts(8), budget=600)
+    np.testing.assert_allclose(found.peaks[0].point, top, atol=0.06)
+    assert found.peaks[0].value == pytest.approx(Hill(centre).values(np.array([top]))[0], abs=3e-3)
+
+
+def test_a_corner_takes_one_round_and_is_known_to_be_a_top_without_further_trials():
+    hill = Hill((9.0, -9.0, 9.0, -9.0))
+    found = ascend(hill, starts(1), budget=600)
+    np.testing.assert_array_equal(found.peaks[0].point, [1.0, 0.0, 1.0, 0.0])
+    assert found.spent == 1 + (3 + len(LADDER)) + 3
+
+
+def test_what_cannot_move_does_not_shorten_the_steps_of_the_rest():
+    """The slope across the face is 1000 times the slopes along it."""
+    hill = Hill((500.0, 1.5, 0.3, 0.9))
+    start = np.array([[1.0, 0.5, 0.9, 2.5]])
+    (moved,) = ascend(hill, start, budget=1 + 3 + len(LADDER)).peaks[:1]
+    steps = np.abs(moved.point - start[0])
+    assert steps[0] == 0.0
+    assert steps[1:].max() > 0.2
+
+
+@pytest.mark.parametrize("budget", [11, 40, 137])
+def test_spends_what_it_says_and_never_more_than_the_budget(budget):
+    hill = Hill((0.4, 1.5, 0.3, 0.9), skew=0.3)
+    found = ascend(hill, starts(9), budget, climbers=3)
+    assert found.spent == hill.spent <= budget
+    assert [mark.value for mark in found.trail] == sorted(mark.value for mark in found.trail)
+    assert found.trail[-1].spent == found.spent
+
+
+def test_climbs_that_meet_go_on_as_one():
+    """All starts reach the corner in their first round; there it is asked about once, and nothing is left to do."""
+    hill = Hill((9.0, -9.0, 9.0, -9.0))
+    found = ascend(hill, starts(4), budget=600, climbers=4)
+    assert len(found.peaks) == 1
+    assert found.spent == 4 + 4 * (3 + len(LADDER)) + 3
+
+
+def test_a_value_that_is_enough_ends_the_search():
+    found = ascend(Hill((9.0, -9.0, 9.0, -9.0)), starts(9), budget=600, enough=-1e9)
+    assert found.spent == 9
+
+
+def test_unbounded_distributions_are_searched_to_their_tails_and_others_to_their_ends():
+    scenario = load_scenario(
+        "paper",
+        uncertainty={
+            "plant.m_p": {"distribution": "uniform", "low": 4.0, "high": 6.0},
+            "reference.contact_force": {"distribution": "normal", "mean": 15.0, "std": 2.0},
+        },
+    )
+    variation = vary(scenario)
+    low, high = falsify.box(variation)
+    ends = [variation.values(end) for end in (low, high)]
+    assert [end["plant.m_p"] for end in ends] == pytest.approx([4.0, 6.0], rel=1e-15)
+    assert [end["reference.contact_force"] for end in ends] == pytest.approx([9.848341, 20.151659], rel=1e-7)
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    """Rollouts of which those with heavy platforms fail."""
+
+    def evaluate(objective, vectors, samples):
+        mass = samples.rows[:, 0] * 0.0 + heaviest(samples)
+        lost = (mass > 5.5)[None].repeat(len(vectors), 0)
+        terms = np.tile(mass[None, :, None], (len(vectors), 1, len(TERMS)))
+        return tiles.Evaluated(terms, ~lost, np.where(lost, 0.5, 1.0))
+
+    def heaviest(samples):
+        return jax.tree.unflatten(samples.structure, list(samples.rows.T)).plant.inertia[0].m_p
+
+    monkeypatch.setattr(tiles, "evaluate", evaluate)
+
+
+def test_a_rollout_that_fails_is_worst_of_all_and_ends_the_search(failing):
+    mass = {"distribution": "uniform", "low": 4.0, "high": 5.6}
+    scenario = load_scenario("paper", uncertainty={"plant.m_p": mass}, simulation={"seed": 4})
+    found = falsify.falsify(scenario, rollouts=400, starts=4)
+    assert found.failed
+    assert found.cost >= FAILED
+    assert found.numbers["plant.m_p"] > 5.5
+    assert found.rollouts < 30
+    assert "the rollout fails" in falsify.table(found, np.array([1.0, 2.0]))
+    assert load_scenario("paper").plant.m_p == found.nominal["plant.m_p"] == 5.0
+
+
+def test_worst_samples_are_different_ones_even_if_fewer_than_asked_for(failing):
+    """Cost rises with the one number: every climb ends at its high end."""
+    mass = {"distribution": "uniform", "low": 4.0, "high": 5.4}
+    problem = build_problem(load_scenario("paper", uncertainty={"plant.m_p": mass}))
+    samples = falsify.worst_samples(problem, problem.space.start, 1000)
+    assert len(samples) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["paper"], "uncertainty: must be given"),
+        (["sensed", "--out", "{folder}/there.toml"], "--out: must be a file that does not exist yet"),
+        (["sensed", "--out", "{folder}/worst.txt"], "--out: must be a .toml file"),
+        (["sensed", "--out", "{folder}/there.toml/worst.toml"], "--out: must be a folder that can be written"),
+        (["sensed", "--compare-random", "-3"], "--compare-random: must be at least 1"),
+        (["sensed", "--gains-file", "{folder}/there.toml"], "--gains-file: must be"),
+        (["sensed", "--rollout", "3"], "--rollout: must be an option of coopmm falsify (did you mean --rollouts?)"),
+        (["sensed", "--rollouts", "12"], "rollouts: must be at least 41, for 32 starts and one step of a climb"),
+        (["sensed", "--starts", "0"], "starts: must be at least 1"),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(failing, tmp_path, capsys, arguments, message):
+    (tmp_path / "there.toml").write_text("[plant]\n")
+    arguments = [argument.format(folder=tmp_path) for argument in arguments]
+    assert cli.main(["falsify", *arguments]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"coopmm: error: {message}")
+    assert err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["there.toml"]
+    assert (tmp_path / "there.toml").read_text() == "[plant]\n"
+
+
+def test_command_prints_numbers_and_writes_the_scenario(failing, tmp_path, capsys):
+    out = tmp_path / "new" / "worst.toml"
+    light = ["--simulation.duration", "3", "--plant.m-p", "4"]
+    assert cli.main(["falsify", "sensed", *light, "--rollouts", "60", "--compare-random", "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "plant.m_p                    4          4.8" in text
+    assert "random samples: " in text
+    written = load_scenario(out)
+    assert written.plant.m_p == (4.8, 4.8) or written.plant.m_p == pytest.approx(4.8)
+    assert written.uncertainty.entries() == ()
+    assert written.description.startswith("Worst sample found of: As on real robots")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
+    command = [sys.executable, "-m", falsify_worker.__name__, str(tmp_path_factory.mktemp("falsify"))]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_gradients_are_those_of_central_differences(results):
+    scale = np.abs(results["central"]).max(axis=1, keepdims=True)
+    for kind, error in (("reverse", 1e-6), ("differences", 1e-5)):
+        np.testing.assert_array_less(np.abs(np.subtract(results[kind], results["central"])) / scale, error)
+    np.testing.assert_allclose(results["reverse"], results["central"], rtol=2e-6)
+    assert np.all(np.array(results["central"]) != 0.0)
+    assert results["finite_at_the_end"]
+
+
+def test_the_written_scenario_has_the_same_cost_when_simulated(results):
+    assert results["certain"]
+    assert results["replayed"] == pytest.approx(results["cost"], rel=1e-12)
+    assert results["nominal_replayed"] == pytest.approx(results["nominal_cost"], rel=1e-12)
+
+
+def test_same_seed_same_bits(results):
+    assert results["same"]
+
+
+def test_worse_than_random_samples_by_either_kind_of_gradient(results):
+    assert results["cost"] > 1.3 * results["random"]
+    assert results["by_reverse"] == pytest.approx(results["cost"], rel=1e-6)
+    rollouts, steps = results["spent"]
+    assert rollouts <= 80
+    assert steps == rollouts * round(falsify_worker.HORIZON / 1e-3)
+
+
+def test_samples_against_other_gains_come_worst_first(results):
+    assert len(results["worst"]) == 3
+    assert results["worst"] == sorted(results["worst"], reverse=True)
+    assert results["worst"][0] == results["cost"]
