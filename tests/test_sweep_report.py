@@ -2,6 +2,7 @@
 
 import html
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,7 +83,7 @@ def test_figures_show_the_numbers(kept):
     importance = plotting.sweep_importance(kept).axes
     assert importance[1].get_yticklabels()[-1].get_text() == "disturbance.scale"
     worst = plotting.sweep_worst(kept).axes[2]
-    assert worst.get_title() == "10 worst of torque_peak"
+    assert worst.get_title() == "10 worst of\ntorque_peak"
     assert worst.lines[-1].get_xdata().min() > 0.5
 
 
@@ -118,3 +119,16 @@ def test_html_is_compact_and_starts_with_what_every_sample_has(kept):
     page = html.unescape(kept._repr_html_())
     assert len(page) < 60_000
     assert all(meaning in page for _, meaning in SERIES.values())
+
+
+def test_requirements_are_drawn_where_no_sample_completes(kept):
+    lost = kept.isel(sample=kept.status.values != Status.OK)
+    assert [axes.get_yscale() for axes in plotting.sweep_requirements(lost).axes] == ["linear", "linear"]
+
+
+def test_bars_keep_their_width_far_from_the_limit(kept):
+    results = read_results(kept)
+    far = replace(results, scenario=results.scenario.with_overrides({"requirements.force_min": ">= 1e4"}))
+    axes = plotting.sweep_requirements(far).axes[0]
+    (bar, *_) = (patch for patch in axes.containers[0] if patch.get_height() > 0)
+    assert bar.get_width() > 0.02 * np.ptp(axes.get_xlim())

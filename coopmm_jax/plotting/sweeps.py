@@ -133,7 +133,8 @@ def _band_panel(axes: Axes, series: xarray.DataArray, t: np.ndarray) -> None:
     axes.fill_between(t[alive], lowest, highest, color=_SHADES[0], linewidth=0.0, label="range")
     axes.fill_between(t[alive], low, high, color=_SHADES[1], linewidth=0.0, label="5 to 95 %")
     axes.plot(t[alive], median, label="median", **style.pen(0))
-    if series.name in _ON_A_LOG_AXIS and (lowest > 0.0).all():
+    # Over less than a decade a logarithmic axis says nothing more, in numbers too long for its ticks.
+    if series.name in _ON_A_LOG_AXIS and highest.max() > 10.0 * lowest.min() > 0.0:
         axes.set_yscale("log")
     axes.set_xlabel(TIME)
     axes.set_ylabel(f"{series.name.replace('_', ' ')} [{series.attrs['units']}]")
@@ -142,8 +143,15 @@ def _band_panel(axes: Axes, series: xarray.DataArray, t: np.ndarray) -> None:
 def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) -> None:
     metric = limit if isinstance(limit, str) else limit.metric
     values = results.metrics[metric][results.completed]
-    axes.hist(values, bins=BINS, color=style.pen(0)["color"])
-    axes.set_yscale("log")
+    # Bins reach to the limit, so that a bar keeps a width to be seen however far from it the values lie.
+    reach = [*values, *(() if isinstance(limit, str) else (limit.limit,))]
+    span = (min(reach), max(reach)) if reach else None
+    counts, *_ = axes.hist(values, bins=BINS, range=span, color=style.pen(0)["color"])
+    if counts.any():
+        axes.set_yscale("log")
+        axes.set_ylim(0.7, 2.0 * counts.max())
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("")
     axes.set_xlabel(f"{metric} [{METRICS[metric][0]}]")
     axes.set_ylabel("samples")
     if isinstance(limit, Requirement):
@@ -188,4 +196,4 @@ def _worst_panel(axes: Axes, results: Results, metric: str) -> None:
     axes.set_ylim(-0.6, len(draws) - 0.4)
     axes.set_xlim(-0.02, 1.02)
     axes.set_xlabel("quantile of the draw")
-    axes.set_title(f"{len(chosen)} worst of {metric}")
+    axes.set_title(f"{len(chosen)} worst of\n{metric}")
