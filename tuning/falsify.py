@@ -64,14 +64,14 @@ class SampleCost:
         return self.reverse(points) if self.reversed else self.differences(points, values)
 
     def differences(self, points: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Gradients by one-sided differences, each into the half of the cube that has more room."""
+        """Gradients (N, D) by one-sided differences, each into the half of the cube that has more room."""
         steps = np.where(points > 0.5, -_STEP, _STEP)
         moved = points[:, None] + steps[:, None] * np.eye(points.shape[1])
         costs = self.values(moved.reshape(-1, points.shape[1]))
         return (costs.reshape(points.shape) - values[:, None]) / steps
 
     def reverse(self, points: np.ndarray) -> np.ndarray:
-        """Gradients by reverse mode: through the rollout, then through the map from draws to its parameters."""
+        """Gradients (N, D) by reverse mode: through the rollout, then through the map from draws to its parameters."""
         search = self.search
         _, slopes = tiles.sensitivities(search.objective, self.vector[None], self.samples(points), search.coefficients)
 

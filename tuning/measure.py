@@ -121,7 +121,7 @@ def ratio(values: np.ndarray, statistic: Callable[[np.ndarray], float] = np.mean
 
 
 def tail_mean(costs: np.ndarray, level: float) -> float:
-    """Mean of the worst (1 - level) N of N costs: the conditional value at risk.
+    """Mean of the worst (1 - level) N of costs (N,): the conditional value at risk.
 
     >>> tail_mean(np.arange(10.0), 0.8)
     8.5

@@ -105,7 +105,7 @@ class Objective:
         return jnp.where(completed, cost, FAILED * (2.0 - survived))
 
     def sample_terms(self, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
-        """The terms of one sample by name, all but the torque variation; another cost replaces this alone."""
+        """The terms of one sample at t [s] by name, all but the torque variation; another cost replaces this alone."""
         return _terms(self.structure, parameters, t, signals)
 
     def _observer(self, parameters: Parameters) -> Observer:

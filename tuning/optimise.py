@@ -62,11 +62,11 @@ class LBFGS:
     descends = True  # a step is taken only if it lowers the risk
 
     def start(self, vector: np.ndarray) -> Pairs:
-        """No curvature yet."""
+        """No curvature yet, for vectors (n,)."""
         return Pairs(np.zeros((PAIRS, vector.size)), np.zeros((PAIRS, vector.size)))
 
     def direction(self, memory: Pairs, vector: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, Pairs]:
-        """Minus the inverse Hessian times the gradient, by the two-loop recursion."""
+        """Minus the inverse Hessian times the gradient (n,), by the two-loop recursion."""
         pairs = [(s, y) for s, y in zip(*memory, strict=True) if s.any()]
         towards, shares = gradient, []
         for s, y in reversed(pairs):
@@ -82,7 +82,7 @@ class LBFGS:
         return -towards, memory
 
     def learn(self, memory: Pairs, step: np.ndarray, change: np.ndarray) -> Pairs:
-        """Add a pair whose curvature is positive."""
+        """Add a pair (n,), (n,) whose curvature is positive."""
         if np.sum(step * change) <= 1e-10 * np.sum(step * step):
             return memory
         return Pairs(*(np.vstack([old[1:], new]) for old, new in zip(memory, (step, change), strict=True)))
@@ -98,15 +98,15 @@ class Optax:
         self.transformation = transformation
 
     def start(self, vector: np.ndarray) -> Any:
-        """The optimiser's state."""
+        """The optimiser's state at a vector (n,)."""
         return jax.device_get(self.transformation.init(vector))
 
     def direction(self, memory: Any, vector: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, Any]:
-        """The optimiser's update, and its next state."""
+        """The optimiser's update (n,), and its next state."""
         return jax.device_get(self.transformation.update(gradient, memory, vector))
 
     def learn(self, memory: Any, step: np.ndarray, change: np.ndarray) -> Any:
-        """Nothing: optax's optimisers learn from the gradient alone."""
+        """Nothing of step and change (n,): optax's optimisers learn from the gradient alone."""
         return memory
 
 

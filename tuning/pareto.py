@@ -51,7 +51,7 @@ class Weighted:
     risk: Risk
 
     def values(self, vectors: np.ndarray, samples: Samples) -> np.ndarray:
-        """Risks (C m,) of m vectors for each candidate (C m, n), those of one candidate together."""
+        """Risks (L,) of L = C m vectors (L, n), m for each candidate, those of one candidate together."""
         rows = np.repeat(self.coefficients, len(vectors) // len(self.coefficients), axis=0)
         costs = tiles.evaluate(self.objective, vectors, samples).costs(rows[:, None, :])
         return np.array([float(self.risk(row)) for row in costs])

@@ -25,7 +25,7 @@ def write(folder: Path, arrays: dict[str, np.ndarray], settings: str) -> None:
     """Replace the folder's state by another, in one step: there is always a complete one.
 
     Args:
-        arrays: the state. settings: everything that the course of the run depends on, as text.
+        arrays: the state (...) by name. settings: everything that the course of the run depends on, as text.
     """
     partial = folder / f".{NAME}.partial"
     with partial.open("wb") as stream:
@@ -34,7 +34,7 @@ def write(folder: Path, arrays: dict[str, np.ndarray], settings: str) -> None:
 
 
 def read(folder: Path, settings: str) -> dict[str, np.ndarray]:
-    """The folder's state.
+    """The folder's state, arrays (...) by name.
 
     Raises:
         UserError: there is none, it cannot be read, or it was made with other settings.

@@ -53,7 +53,7 @@ class ComparisonObjective(Objective):
     """The cost above; its terms go by the names of the tuner's own."""
 
     def sample_terms(self, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
-        """One sample's terms, those that this cost does not have being zero."""
+        """One sample's terms at t [s], those that this cost does not have being zero."""
         desired = desired_motion(parameters.reference, t)
         tracking = 0.0 * t
         for p, d in zip(signals.position, desired, strict=True):
@@ -110,7 +110,7 @@ class Meter:
         return self.search.slopes(vectors, samples)
 
     def note(self, vector: np.ndarray) -> None:
-        """The best gains from here on."""
+        """The vector (n,) of the best gains from here on."""
         self.trail.append((self.steps, Clock.now() - self.clock, np.array(vector)))
 
     @property
