@@ -84,18 +84,21 @@ def bands(compared: ComparedGains, axes: Any = None) -> Figure:
             panel.tick_params(labelleft=i == 0)
         late = ", late" if since else ""
         line[0].set_ylabel(f"{name.replace('_', ' ')}{late} [{SERIES[name][0]}]")
-    for label, top, bottom in zip(compared.labels, all_axes, all_axes[-sets:], strict=False):
-        top.set_title(label)
+    for name, top, bottom in zip(_names(compared), all_axes, all_axes[-sets:], strict=False):
+        top.set_title(name)
         bottom.set_xlabel("time [s]")
     return figure
 
 
+def _names(compared: ComparedGains) -> list[str]:
+    """Labels of the sets, with how many rollouts fail and so are not drawn."""
+    failing = (~compared.comparison.completed).sum(axis=1)
+    return [f"{label} ({n} fail)" if n else label for label, n in zip(compared.labels, failing, strict=True)]
+
+
 def _strips(axes: Axes, compared: ComparedGains, limit: Requirement) -> None:
-    names = []
-    for i, label in enumerate(compared.labels):
-        completed = compared.comparison.completed[i]
+    for i, completed in enumerate(compared.comparison.completed):
         values = compared.comparison.metrics[limit.metric][i][completed]
-        names.append(label if completed.all() else f"{label} ({(~completed).sum()} fail)")
         if not len(values):
             continue
         heights = i + 0.5 * ((np.arange(len(values)) * _GOLDEN) % 1.0 - 0.5)
@@ -103,8 +106,10 @@ def _strips(axes: Axes, compared: ComparedGains, limit: Requirement) -> None:
         low, middle, high = np.quantile(values, [_LOW, 0.5, _HIGH])
         axes.plot([low, high], [i + 0.35] * 2, color="0.2", linewidth=1.2)
         axes.plot(middle, i + 0.35, "|", color="0.2", markersize=8, markeredgewidth=1.6)
+    names = _names(compared)
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_xmargin(0.03)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(f"{limit} [{METRICS[limit.metric][0]}]")
     hatch_beyond(axes, limit)

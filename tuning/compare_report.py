@@ -22,7 +22,7 @@ from coopmm_jax.store import write_json
 from tuning import compare_figures
 from tuning.compare import ComparedGains
 from tuning.measure import STATISTICS, Change, ratio
-from tuning.objective import TERMS
+from tuning.objective import FAILED, TERMS
 
 
 class Switches(NamedTuple):
@@ -100,7 +100,9 @@ def table(compared: ComparedGains) -> str:
     labels, scenario, outcomes = compared.labels, compared.scenario, compared.outcomes()
     settings, first = scenario.simulation, labels[0]
     head = [f"{compared.samples} samples of {settings.duration:g} s, seed {settings.seed}, the same for every column"]
-    values = {name: [f"{x:.5g}" for x in row] for name, row in _values(compared).items()}
+    if not compared.comparison.completed.all():
+        head.append(f"a rollout that fails costs {FAILED:g} or more; terms are those of the samples that complete")
+    values = {name: ["-" if np.isnan(x) else f"{x:.5g}" for x in row] for name, row in _values(compared).items()}
     pairs = [changes(compared, i) for i in range(1, len(labels))]
     ratios = {name: [_ratio(pair[name]) for pair in pairs] for name in values}
     rates = {name: [_rate(row) for row in met] for name, met in outcomes.items()}
@@ -143,7 +145,7 @@ def _lines(title: str, columns: Sequence[str], rows: Mapping[str, Sequence[str]]
 def _ratio(change: Change) -> str:
     if not change.before > 0.0:
         return "-"
-    return f"{change.after / change.before:.4f} ({change.low:.4f} to {change.high:.4f})"
+    return f"{change.after / change.before:.4g} ({change.low:.4g} to {change.high:.4g})"
 
 
 def _rate(met: np.ndarray) -> str:
