@@ -1,13 +1,10 @@
 """Small matrices of scalars against numpy, what structural entries cost, and the package's own sine and cosine."""
 
-import doctest
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coopmm_jax import components
 from coopmm_jax.components import (
     Matrix,
     cholesky_solve,
@@ -49,10 +46,6 @@ def positive_definite(rng, n):
 def operations(function, *arguments):
     """The names of the arithmetic operations that a function of scalars is traced into."""
     return sorted(equation.primitive.name for equation in jax.make_jaxpr(function)(*arguments).eqns)
-
-
-def test_examples_in_docstrings():
-    assert doctest.testmod(components).failed == 0
 
 
 @pytest.mark.parametrize("structural", [False, True])

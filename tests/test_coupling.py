@@ -1,7 +1,5 @@
 """The coupled robots against the Lagrangian with multipliers, for every set of constraint rows that makes sense."""
 
-import doctest
-
 import numpy as np
 import pytest
 
@@ -46,11 +44,6 @@ class Case:
 @pytest.fixture(scope="module", params=[(rows, seed) for rows in ROW_SETS for seed in range(3)], ids=str)
 def case(request):
     return Case(*request.param)
-
-
-@pytest.mark.parametrize("module", [constraints, coupling])
-def test_examples_in_docstrings(module):
-    assert doctest.testmod(module).failed == 0
 
 
 def test_constraint_rows(case):

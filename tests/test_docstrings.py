@@ -10,7 +10,7 @@ import pytest
 from tests.docstring_rules import complaints, definitions, equations
 
 ROOT = Path(__file__).parent.parent
-PACKAGES = ("coopmm_jax", "experiments")
+PACKAGES = ("coopmm_jax", "experiments", "tuning")
 SOURCES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts): path.read_text(encoding="utf-8")
     for package in PACKAGES

@@ -1,13 +1,10 @@
 """RK4 against closed forms, and what checkpoints change (memory) and leave alone (every bit of the result)."""
 
-import doctest
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coopmm_jax import integrate
 from coopmm_jax.integrate import rk4_step, scan_segments
 
 
@@ -21,10 +18,6 @@ def solve(steps, horizon=1.5):
     start = {"x": jnp.ones(()), "y": jnp.ones(())}
     end, _ = scan_segments(lambda x, i: rk4_step(field, i * step, step, x), start, 1, steps, checkpoint=False)
     return np.array([end["x"] - np.exp(np.sin(horizon)), end["y"] - 1 / (1 + horizon)])
-
-
-def test_examples_in_docstrings():
-    assert doctest.testmod(integrate).failed == 0
 
 
 def test_order_four():

@@ -1,6 +1,5 @@
 """Metrics gathered inside the scan, against the same numbers recomputed from recorded world coordinates."""
 
-import doctest
 from types import SimpleNamespace
 
 import jax
@@ -229,7 +228,3 @@ def test_gradients_are_finite_where_errors_vanish():
     slopes = jax.jit(jax.jacfwd(lambda error: gathered([sample(15.0, 0.0, error)], 0.0)))
     assert all(np.isfinite(slope) for slope in slopes(0.0).values())
     assert slopes(0.5)["position_rms_1"] == pytest.approx(1.0)
-
-
-def test_documented_line():
-    assert doctest.testmod(metrics).failed == 0

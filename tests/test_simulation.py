@@ -1,13 +1,12 @@
 """``simulate``: what the arrays hold, how failures end them, and that other numbers compile nothing."""
 
-import doctest
 import json
 
 import numpy as np
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax import packed, simulation, trajectory
+from coopmm_jax import simulation
 from coopmm_jax.trajectory import ARRAYS, Trajectory
 
 SIZES = {"t": 1001, "row": 4, "independent": 6, "independent_arm": 2}
@@ -186,8 +185,3 @@ def test_to_xarray(simulated_paper):
 def test_representation(simulated_paper):
     assert repr(simulated_paper) == "<Trajectory: 1001 samples to 1 s, float64, OK>"
     assert simulated_paper.rows[0] == "contact_normal"
-
-
-@pytest.mark.parametrize("module", [simulation, trajectory, packed])
-def test_documented_lines(module):
-    assert doctest.testmod(module).failed == 0

@@ -1,7 +1,5 @@
 """Gains as a vector: bounds, shared and separate entries, start, derivative, messages."""
 
-import doctest
-
 import jax
 import numpy as np
 import pytest
@@ -10,14 +8,9 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.gains_file import read_gains
 from coopmm_jax.scenario import load_scenario
 from coopmm_jax.tuning_schema import Bounds
-from tuning import gains as gains_module
 from tuning.gains import gain_space
 
 ALL = {"tuning": {"gains": list(Bounds.model_fields)}, "law": {"delta_floor": 0.1}}
-
-
-def test_examples_in_docstrings():
-    assert doctest.testmod(gains_module).failed == 0
 
 
 @pytest.mark.parametrize("channels", ["separate", "shared"])

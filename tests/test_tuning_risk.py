@@ -1,7 +1,5 @@
 """Risk measures against their definitions."""
 
-import doctest
-
 import jax
 import numpy as np
 import pytest
@@ -11,11 +9,6 @@ from tuning import measure, risk
 from tuning.risk import tail_shares, weighted
 
 COSTS = np.random.default_rng(3).lognormal(size=37)
-
-
-@pytest.mark.parametrize("module", [risk, measure])
-def test_examples_in_docstrings(module):
-    assert doctest.testmod(module).failed == 0
 
 
 def test_mean_and_worst():

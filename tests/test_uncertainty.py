@@ -1,13 +1,11 @@
 """What varies in a scenario: values, points of the unit cube, parameters of samples, messages."""
 
-import doctest
-
 import jax
 import numpy as np
 import pytest
 from scipy import stats
 
-from coopmm_jax import requirements, sampling, uncertainty, uncertainty_schema
+from coopmm_jax import requirements, sampling
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Inertia
 from coopmm_jax.sampling import sampler
@@ -24,11 +22,6 @@ def varied(**fields):
     """``plant__m_p=FACTOR`` makes plant.m_p of the paper vary."""
     entries = {name.replace("__", "."): law for name, law in fields.items()}
     return vary(load_scenario("paper", uncertainty=entries))
-
-
-@pytest.mark.parametrize("module", [requirements, sampling, uncertainty, uncertainty_schema], ids=lambda m: m.__name__)
-def test_examples_in_docstrings(module):
-    assert doctest.testmod(module).failed == 0
 
 
 LAWS = {
