@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from coopmm_jax.plotting.style import legend, panels, pen, styled
 from coopmm_jax.sweep_tiles import SERIES
@@ -26,6 +28,8 @@ def convergence(result: TuningResult) -> Figure:
         label = "best validation so far" if name == "best" else name
         axes.semilogy(iterations, [getattr(row, name) for row in result.history], label=label, **pen(i))
     axes.set(xlabel="iteration", ylabel="risk")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    _plain_numbers(axes.yaxis)
     legend(axes)
     return figure
 
@@ -40,9 +44,20 @@ def gains(result: TuningResult) -> Figure:
     axes.plot(result.before, rows, "o", mfc="white", color=pen(0)["color"], label="before")
     axes.plot(result.after, rows, "o", color=pen(4)["color"], label="after")
     axes.set_yticks(rows, result.labels)
-    axes.set(xscale="log", xlabel="gain")
+    axes.set(xscale="log", xlabel="gain", ylim=(-0.6, len(rows) - 0.4))
+    _plain_numbers(axes.xaxis)
     legend(axes)
     return figure
+
+
+def _plain_numbers(axis: Axis) -> None:
+    """Few and short labels on a logarithmic axis, where matplotlib's own overlap if it spans little."""
+    low, high = axis.get_view_interval()
+    if high < 10.0 * low:
+        axis.set_major_locator(MaxNLocator(5))
+    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)) if 10.0 <= high / low < 1e3 else NullLocator())
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("{x:g}")
 
 
 @styled
