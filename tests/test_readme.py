@@ -22,6 +22,7 @@ SHORT_TUNING = [
     *shlex.split(f"--simulation.duration {tuning_worker.HORIZON} --law.feedforward projected"),
     *(word for name, value in (TUNING | FEW).items() for word in (f"--tuning.{name}", json.dumps(value))),
 ]
+COMPARED = [*SHORT_TUNING, "--samples", "4"]
 
 # Every command, with the words that make it small (the worker makes small what has no option for it).
 SMALL = {
@@ -32,6 +33,10 @@ SMALL = {
     "coopmm sweep sensed --samples 1000 --out results/sensed.zarr": [*SHORT, "--samples", "16"],
     "coopmm tune sensed --out results/tuned": SHORT_TUNING,
     "coopmm simulate sensed --gains-file results/tuned/gains.toml": SHORT,
+    "coopmm compare scenario results/tuned/gains.toml --scenario sensed --out results/compared": COMPARED,
+    "coopmm tune sensed --pareto 5 --out results/front": [*SHORT_TUNING, "--pareto", "2"],
+    "coopmm falsify sensed --out results/worst.toml": [*SHORT_TUNING, "--rollouts", "40", "--starts", "4"],
+    "coopmm tune sensed --adversarial --out results/hardened": SHORT_TUNING,
     "coopmm report results/sensed.zarr": [],
     "coopmm simulate --from results/sensed.zarr --sample 12": [],
     "coopmm simulate --help": [],
@@ -41,6 +46,7 @@ SMALL = {
     "python -m experiments.benchmarks.rollout": ["--rounds", "1"],
     "python -m experiments.benchmarks.loops": ["--rounds", "1"],
     "python -m experiments.benchmarks.sweep": [],
+    "python -m experiments.benchmarks.gradients": ["--duration", "0.1"],
     "python -m experiments.benchmarks.tuners": shlex.split("--problems shared --tuners nelder_mead --seeds 1"),
 }
 MAKE = ("make demo", "make test")

@@ -1,0 +1,79 @@
+"""Is the gradient right over the whole of a long run? Reverse mode against central differences, every tunable gain.
+
+    python -m experiments.benchmarks.gradients [--duration 20] [--out results/benchmarks]
+
+The cost of ``sensed`` over 20 s by each gain that can be tuned, its entries moved as one. Differences of fourth order
+at several steps: with small ones rounding shows, with large ones curvature, so the best of them is what they can tell.
+Writes gradients.csv.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from coopmm_jax import runtime
+from coopmm_jax.scenario import load_scenario
+from coopmm_jax.tuning_schema import Bounds
+from tuning import tiles
+from tuning.optimise import Search
+from tuning.problem import build_problem
+
+LIMIT = 1e-5  # relative, of each gain's derivative
+STEPS = (3e-3, 1e-3, 3e-4, 1e-4)
+# of a derivative by four evaluations at -2, -1, 1 and 2 steps
+OFFSETS, WEIGHTS = np.array([-2.0, -1.0, 1.0, 2.0]), np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Compare; the exit code says whether every derivative is within the limit."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--duration", type=float, default=20.0, help="of the rollout [s] (%(default)g)")
+    parser.add_argument("--out", type=Path, default=Path("results/benchmarks"), help="folder for gradients.csv")
+    options = parser.parse_args(argv)
+    runtime.use_fast_compilation()
+    jax.config.update("jax_enable_x64", True)
+    search, names, samples = _problem(options.duration)
+    start = search.objective.space.start
+    reverse = _reverse(search, start, samples)
+    central = np.stack([_differences(search, start, samples, step) for step in STEPS])
+    errors = np.min(np.abs(central / reverse - 1.0), axis=0)
+    options.out.mkdir(parents=True, exist_ok=True)
+    with (options.out / "gradients.csv").open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows(
+            [("gain", "derivative", "relative_error"), *zip(names, reverse, errors, strict=True)]
+        )
+    for name, derivative, error in zip(names, reverse, errors, strict=True):
+        print(f"{name:12} {derivative:14.6g}   {error:.1e}")
+    print(f"largest relative error {errors.max():.1e}, to be at most {LIMIT:g}")
+    return int(errors.max() > LIMIT)
+
+
+def _problem(duration: float) -> tuple[Search, tuple[str, ...], tiles.Samples]:
+    """The cost over the whole run, the gains, and one sample."""
+    settings = {"gains": list(Bounds.model_fields), "channels": "shared", "horizon": duration}
+    settings |= {"tracking_from": 0.0, "validation_samples": 1}
+    problem = build_problem(load_scenario("sensed", simulation={"duration": duration}, tuning=settings))
+    return problem.training, problem.space.names, problem.samples(0, 1)
+
+
+def _reverse(search: Search, start: np.ndarray, samples: tiles.Samples) -> np.ndarray:
+    """The derivative by every number (n,), by reverse mode."""
+    return tiles.gradients(search.objective, start[None], samples, search.coefficients)[1][0, 0]
+
+
+def _differences(search: Search, start: np.ndarray, samples: tiles.Samples, step: float) -> np.ndarray:
+    """Likewise, by differences."""
+    moved = start + step * (OFFSETS[:, None, None] * np.eye(start.size)).reshape(-1, start.size)
+    costs = search.values(moved, samples).reshape(len(OFFSETS), start.size)
+    return WEIGHTS @ costs / step
+
+
+if __name__ == "__main__":
+    sys.exit(main())
