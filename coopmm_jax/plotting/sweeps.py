@@ -152,6 +152,8 @@ def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) 
         axes.set_ylim(0.7, 2.0 * counts.max())
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("")
+    axes.locator_params(axis="x", nbins=5)  # more labels of small numbers do not fit side by side
+    axes.xaxis.set_major_formatter("{x:g}")
     axes.set_xlabel(f"{metric} [{METRICS[metric][0]}]")
     axes.set_ylabel("samples")
     if isinstance(limit, Requirement):
