@@ -47,6 +47,7 @@ SMALL = {
     "python -m experiments.benchmarks.loops": ["--rounds", "1"],
     "python -m experiments.benchmarks.sweep": [],
     "python -m experiments.benchmarks.gradients": ["--duration", "0.1"],
+    "python -m experiments.benchmarks.falsify": shlex.split("--samples 700 --seeds 1"),
     "python -m experiments.benchmarks.tuners": shlex.split("--problems shared --tuners nelder_mead --seeds 1"),
 }
 MAKE = ("make demo", "make test")

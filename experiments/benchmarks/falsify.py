@@ -1,0 +1,129 @@
+"""Does ``falsify`` find a sample at least as bad as the worst of 4,096 random ones, in a tenth of their rollouts?
+
+    python -m experiments.benchmarks.falsify [--out results/benchmarks] [--samples 4096] [--seeds 5]
+
+On ``sensed`` with its own two uncertain numbers, and with 27 of them. A seed decides the random samples, the starts of
+the climbs and the samples that scale the cost. Rollouts of a gradient count as simulated, and all take tuning.horizon.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from coopmm_jax import runtime
+
+if __name__ == "__main__":
+    runtime.use_fast_compilation()
+    runtime.use_compilation_cache()
+
+from coopmm_jax.scenario import Scenario, load_scenario
+from tuning.falsify import falsify, random_costs
+from tuning.objective import FAILED
+from tuning.problem import build_problem
+
+HORIZON = 3.0  # [s]
+SHARE = 0.1  # of the random samples' rollouts that the search may spend
+
+
+def _uniform(low: float, high: float, **more: bool) -> dict[str, Any]:
+    return {"distribution": "uniform", "low": low, "high": high, **more}
+
+
+# Every mass and inertia by itself, the disturbance, the force sensor, and where the robots start: 27 numbers.
+MANY = {
+    "plant.masses": _uniform(0.8, 1.2, relative=True, each=True),
+    "disturbance.scale": _uniform(0.0, 4.0),
+    "disturbance.frequency": _uniform(0.5, 3.0),
+    "disturbance.phase": _uniform(0.0, 6.283185307179586),
+    "sensing.force_lag": _uniform(0.002, 0.01),
+    "initial.x": _uniform(-0.03, 0.03, offset=True, each=True),
+    "initial.th": _uniform(-0.03, 0.03, offset=True, each=True),
+}
+
+
+class Measurement(NamedTuple):
+    """One search against random samples."""
+
+    uncertain: int  # draws
+    seed: int
+    samples: int
+    worst_random: float
+    rollouts: int  # spent by the search
+    found: float
+    ratio: float  # found over the worst of the random ones
+    level_after: int  # rollouts after which the search had found as bad a sample; -1: never
+    worst_of_as_many: float  # the worst of as many random samples as rollouts were spent
+    search_cpu_s: float
+    random_cpu_s: float
+
+
+def main() -> int:
+    """Measure; the exit code says whether every search kept its promise."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("results/benchmarks"), help="folder for falsify.csv")
+    parser.add_argument("--samples", type=int, default=4096, help="random ones (default %(default)d)")
+    parser.add_argument("--seeds", type=int, default=5, help="how many (default %(default)d)")
+    options = parser.parse_args()
+    print(" ".join(f"{name:>16}" for name in Measurement._fields))
+    rows = []
+    for uncertainty in (None, MANY):
+        for seed in range(options.seeds):
+            rows.append(measure(scenario(uncertainty, seed), options.samples))
+            print(" ".join(f"{value:16.6g}" for value in rows[-1]), flush=True)
+    options.out.mkdir(parents=True, exist_ok=True)
+    with (options.out / "falsify.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(Measurement._fields)
+        writer.writerows(rows)
+    kept = sum(row.ratio >= 1.0 and row.rollouts <= SHARE * row.samples for row in rows)
+    print(
+        f"at least as bad as the worst random sample within {SHARE:g} of the rollouts: {kept} of {len(rows)} searches"
+    )
+    return int(kept < len(rows))
+
+
+def scenario(uncertainty: dict[str, Any] | None, seed: int) -> Scenario:
+    """``sensed``, with its own uncertainty or another; simulated no further than the search goes."""
+    tables = load_scenario("sensed").model_dump(exclude_none=True)
+    if uncertainty is not None:
+        tables["uncertainty"] = uncertainty
+    settings = {"horizon": HORIZON, "tracking_from": min(0.5 * HORIZON, tables["tuning"]["tracking_from"])}
+    changes = {"simulation.duration": HORIZON, "simulation.seed": seed}
+    return Scenario.model_validate(tables).with_overrides(changes | {"tuning": settings})
+
+
+def measure(scenario: Scenario, samples: int) -> Measurement:
+    """The search and the random samples on one scenario, whose programs are compiled before the clock starts."""
+    problem = build_problem(scenario)
+    random_costs(problem, 1)
+    start = time.process_time()
+    found = falsify(scenario, int(SHARE * samples), problem=problem)
+    searched = time.process_time()
+    random = random_costs(problem, samples)
+    end = time.process_time()
+    worst = float(random.max())
+    level = [mark.spent for mark in found.trail if mark.value >= worst]
+    if worst >= FAILED:
+        print(f"{int((random >= FAILED).sum())} random samples fail")
+    return Measurement(
+        uncertain=len(problem.variation.draws),
+        seed=scenario.simulation.seed,
+        samples=samples,
+        worst_random=worst,
+        rollouts=found.rollouts,
+        found=found.cost,
+        ratio=found.cost / worst,
+        level_after=level[0] if level else -1,
+        worst_of_as_many=float(random[: found.rollouts].max()),
+        search_cpu_s=round(searched - start, 3),
+        random_cpu_s=round(end - searched, 3),
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
