@@ -17,7 +17,7 @@ from tuning.objective import FAILED, TERMS, Objective
 
 TILE = 32  # lanes: one core is fastest with 32 to 64, and the usual 4 candidates x 16 samples fill two cores
 # What differentiates by a sample's numbers takes LLVM minutes to optimise, and is run a few times: without, it compiles
-# five times as fast and runs three times as slow.
+# four times as fast and runs three times as slow.
 _UNOPTIMISED = {"xla_backend_optimization_level": 0}
 _COMPILING = threading.Lock()
 
