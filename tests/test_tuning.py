@@ -218,7 +218,7 @@ def test_adversaries_are_trained_on_from_then_on(rollouts, monkeypatch):
     assert [len(rows) for rows in trained] == [3, 4, 5]
     np.testing.assert_array_equal(trained[2][3], trained[1][3])
     mass = int(np.flatnonzero(np.any(trained[0] != trained[0][0], axis=0))[0])
-    ends = 5.0 * np.array([0.8, 1.2])  # of the range drawn from: the cost is convex in the mass, so one of them is worst
+    ends = 5.0 * np.array([0.8, 1.2])  # the cost is convex in the mass, so an end of its range is worst
     assert np.min(np.abs(ends - trained[1][3, mass])) < 1e-6
 
 
