@@ -1,8 +1,8 @@
 """A run, or several side by side, as a moving picture: from above, from the side, and the contact force.
 
-    import coopmm_jax as cm
+import coopmm_jax as cm
 
-    cm.animate(cm.simulate("paper"), cm.simulate("paper_full"), path="both.gif")
+cm.animate(cm.simulate("paper"), cm.simulate("paper_full"), path="both.gif")
 """
 
 from __future__ import annotations

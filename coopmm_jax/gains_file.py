@@ -1,7 +1,8 @@
 """Gains in a file of their own: what ``coopmm tune`` writes and ``--gains-file`` reads.
 
->>> gains_text({"K_lambda": [1.0, 2.0]}, {})
-'[gains]\\nK_lambda = [\\n    1.0,\\n    2.0,\\n]\\n'
+>>> from coopmm_jax.parameters import Gains
+>>> gains_text(Gains(k0=3.0)).splitlines()[:2]
+['[gains]', 'k0 = 3.0']
 """
 
 from __future__ import annotations
@@ -13,13 +14,16 @@ from typing import Any
 import tomli_w
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.parameters import Gains
 
 _SECTIONS = ("gains", "law")
 
 
-def gains_text(gains: dict[str, Any], law: dict[str, Any]) -> str:
-    """TOML of the sections [gains] and, if anything of it was tuned, [law]."""
-    return tomli_w.dumps({"gains": gains} | ({"law": law} if law else {}))
+def gains_text(gains: Gains) -> str:
+    """TOML of every gain, in the sections that a scenario has them in: [gains], and [law] for delta's floor."""
+    values = {name: list(map(float, x)) if isinstance(x, tuple) else float(x) for name, x in gains._asdict().items()}
+    law = {"delta_floor": values.pop("delta_floor")}
+    return tomli_w.dumps({"gains": values, "law": law})
 
 
 def read_gains(path: str | Path) -> dict[str, Any]:

@@ -76,9 +76,7 @@ class Contact(Section):
 
     tip_friction: NotNegative = quantity(_hardware.tip_friction, "Coulomb coefficient along the arc [-]")
     slip_speed: Positive = quantity(_hardware.slip_speed, "sliding speed below which it fades [m/s]")
-    surface_amplitude: Finite = quantity(
-        _hardware.surface_amplitude, "a of the radius Rc + a sin(w t + phase) [m]"
-    )
+    surface_amplitude: Finite = quantity(_hardware.surface_amplitude, "a of the radius Rc + a sin(w t + phase) [m]")
     surface_frequency: Finite = quantity(_hardware.surface_frequency, "w of the arc's radius [rad/s]")
     surface_phase: Finite = quantity(_hardware.surface_phase, "phase of the arc's radius [rad]")
 

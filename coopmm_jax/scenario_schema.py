@@ -146,9 +146,7 @@ class Law(Section):
 class Gains(Section):
     """[gains]: the design parameters of (12)-(24) and of the force control."""
 
-    K_sigma: PerEntry[NotNegative] = quantity(
-        _gains.K_sigma[0], "feedback of sigma, per independent velocity [1/s]"
-    )
+    K_sigma: PerEntry[NotNegative] = quantity(_gains.K_sigma[0], "feedback of sigma, per independent velocity [1/s]")
     gamma: PerChannel[NotNegative] = quantity(_gains.gamma[0], "adaptation rates of (20)-(24)")
     c_hat0: PerChannel[NotNegative] = quantity(_gains.c_hat0[0], "initial estimates of the uncertainty bounds")
     K_lambda: PerEntry[AboveMinusOne] = quantity(_gains.K_lambda[0], "force feedback, one per constraint row [-]")

@@ -61,7 +61,7 @@ class Weights(Section):
     internal: NotNegative = 0.1  # squared other constraint forces
     contact_loss: NotNegative = 1.0  # squared pull that would be needed to keep the contact
     effort: NotNegative = 0.01  # squared torques
-    torque_variation: NotNegative = 0.01  # torque changes from sample to sample
+    torque_variation: NotNegative = 0.1  # torque changes from sample to sample; with 0.01 gains come out that chatter
     saturation: NotNegative = 0.1  # squared torque asked for beyond the actuators' limits
 
 

@@ -1,4 +1,5 @@
-"""The pictures of README.md: the contact force under both readings of the feed-forward, and the robots driving.
+"""The pictures of README.md: the contact force under both readings of the feed-forward, the robots driving, and what
+tuned gains bring on robots that they were not tuned on (docs/tuned.toml, which ``coopmm tune sensed`` has written).
 
     python -m experiments.readme_media [--out docs]
 
@@ -17,13 +18,17 @@ from coopmm_jax import plotting, runtime
 from coopmm_jax.animation import animate
 from coopmm_jax.commands import BAD_INPUT, DONE
 from coopmm_jax.store import result_folder
+from tuning.compare import compare_gains
+from tuning.compare_figures import bands
 
+TUNED = Path(__file__).parent.parent / "docs" / "tuned.toml"
 TURN = 6.28  # [s] in which the robots drive once round their circles
+SAMPLES = 32  # of the uncertainty
 WIDTH = 640  # [pixel] of the animation: legible, and small enough for a page that is read over a slow line
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write ``contact_force.png`` and ``robots.gif``.
+    """Write ``contact_force.png``, ``robots.gif`` and ``tuning.png``.
 
     Args:
         argv: the arguments; without them those of the process, which is then taken to run nothing else, so that XLA's
@@ -43,15 +48,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (cm.UserError, OSError) as error:  # OSError: a disk that fills up
         print(f"readme_media: error: {error}", file=sys.stderr)
         return BAD_INPUT
-    print(f"contact_force.png and robots.gif are in {folder}")
+    print(f"contact_force.png, robots.gif and tuning.png are in {folder}")
     return DONE
 
 
-def write_media(folder: str | Path, force_time: float = 20.0, robots_time: float = TURN) -> None:
-    """Simulate, and write both pictures into a folder; they are there only when both are complete.
+def write_media(
+    folder: str | Path, force_time: float = 20.0, robots_time: float = TURN, tuned_time: float = 20.0
+) -> None:
+    """Simulate, and write all pictures into a folder; they are there only when all are complete.
 
     Args:
-        force_time, robots_time: how much of a run each of them shows [s].
+        force_time, robots_time, tuned_time: how much of a run each of them shows [s].
 
     Raises:
         UserError: the folder cannot be written.
@@ -60,6 +67,9 @@ def write_media(folder: str | Path, force_time: float = 20.0, robots_time: float
         runs = [_run(name, force_time) for name in ("paper", "paper_full")]
         plotting.save(plotting.contact_force(*runs, labels=["paper", "paper_full"]), results / "contact_force.png")
         animate(_run("paper_full", robots_time), path=results / "robots.gif", width=WIDTH)
+        sensed = cm.load_scenario("sensed", simulation={"duration": tuned_time})
+        compared = compare_gains(sensed, ["scenario", TUNED], samples=SAMPLES)
+        plotting.save(bands(compared), results / "tuning.png")
 
 
 def _run(name: str, duration: float) -> cm.Trajectory:

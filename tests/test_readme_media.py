@@ -10,9 +10,10 @@ DOCS = Path(__file__).parent.parent / "docs"
 
 
 def test_pictures_are_written_at_their_size(tmp_path):
-    readme_media.write_media(tmp_path / "docs", force_time=0.2, robots_time=0.2)
-    assert sorted(path.name for path in (tmp_path / "docs").iterdir()) == ["contact_force.png", "robots.gif"]
-    for name in ("contact_force.png", "robots.gif"):
+    readme_media.write_media(tmp_path / "docs", force_time=0.2, robots_time=0.2, tuned_time=0.02)
+    written = sorted(path.name for path in (tmp_path / "docs").iterdir())
+    assert written == ["contact_force.png", "robots.gif", "tuning.png"]
+    for name in written:
         with Image.open(tmp_path / "docs" / name) as written, Image.open(DOCS / name) as committed:
             assert written.format == committed.format
             assert written.width == committed.width

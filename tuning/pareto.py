@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Gains
@@ -145,9 +144,7 @@ def _groups(scenario: Scenario) -> np.ndarray:
 def _start(problem: Problem, chosen: optimise.LBFGS | optimise.Optax, groups: np.ndarray, mix: np.ndarray) -> Search:
     """Race the scenario's gains against scrambled Sobol points, once for all weightings."""
     s, space = problem.scenario.tuning, problem.space
-    engine = qmc.Sobol(len(space.names), scramble=True, rng=problem.scenario.simulation.seed)
-    points = engine.random_base2(max(0, (s.starts - 1).bit_length()))[: s.starts]
-    starts = np.concatenate([space.start[None], space.spread(points)[1:]])
+    starts = problem.starts()
     raced = tiles.evaluate(problem.training.objective, starts, problem.samples(RACE, s.race_samples))
     risks = _risks(problem.training, raced, mix @ (groups * problem.training.coefficients))
     order = np.argsort(risks, axis=1, kind="stable")[:, : s.survivors]

@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.gains_file import gains_text
-from coopmm_jax.parameters import Gains
 from coopmm_jax.plotting.style import legend, panels, pen, save, styled
 from tuning.objective import FAILED
 from tuning.pareto import Front
@@ -40,7 +39,7 @@ def check_folder(folder: Path) -> None:
 def write_report(folder: Path, front: Front) -> None:
     """Write front.txt, front.csv, front.png and a gains file for each weighting."""
     for name, gains in zip(_names(front)[1:], front.gains, strict=True):
-        (folder / name).write_text(_toml(gains), encoding="utf-8")
+        (folder / name).write_text(gains_text(gains), encoding="utf-8")
     (folder / "front.txt").write_text(table(front), encoding="utf-8")
     _write_csv(folder / TABLE, front)
     save(picture(front), folder / "front.png")
@@ -118,10 +117,3 @@ def _write_csv(path: Path, front: Front) -> None:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
-
-
-def _toml(gains: Gains) -> str:
-    """Every gain, tuned or not."""
-    tables = {name: list(map(float, x)) if isinstance(x, tuple) else float(x) for name, x in gains._asdict().items()}
-    law = {"delta_floor": tables.pop("delta_floor")}
-    return gains_text(tables, law)

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.gains_file import gains_text
@@ -109,9 +108,7 @@ def tune(
 
 def gains_file(result: TuningResult) -> str:
     """The text of gains.toml: every gain, tuned or not."""
-    law = {"delta_floor": result.scenario.law.delta_floor}
-    gains = {name: list(x) if isinstance(x, tuple) else x for name, x in result.gains._asdict().items()}
-    return gains_text({name: x for name, x in gains.items() if name not in law}, law)
+    return gains_text(result.gains)
 
 
 def _method(scenario: Scenario) -> optimise.LBFGS | optimise.Optax:
@@ -122,10 +119,7 @@ def _method(scenario: Scenario) -> optimise.LBFGS | optimise.Optax:
 def _start(problem: Problem, chosen: optimise.LBFGS | optimise.Optax) -> Progressing:
     """Race the scenario's gains against scrambled Sobol points."""
     s, space = problem.scenario.tuning, problem.space
-    engine = qmc.Sobol(len(space.names), scramble=True, rng=problem.scenario.simulation.seed)
-    points = engine.random_base2(max(0, (s.starts - 1).bit_length()))[: s.starts]
-    starts = np.concatenate([space.start[None], space.spread(points)[1:]])
-    survivors = optimise.race(problem.training, starts, problem.samples(RACE, s.race_samples), s.survivors)
+    survivors = optimise.race(problem.training, problem.starts(), problem.samples(RACE, s.race_samples), s.survivors)
     fixed = problem.samples(VALIDATION, s.validation_samples)
     value = float(problem.validation.values(space.start[None], fixed)[0])
     training = float(problem.training.values(space.start[None], fixed)[0])
