@@ -110,7 +110,9 @@ class Meter:
         return self.search.slopes(vectors, samples)
 
     def note(self, vector: np.ndarray) -> None:
-        """The vector (n,) of the best gains from here on."""
+        """The vector (n,) of the best gains from here on; what was found beyond the budget does not count."""
+        if self.steps > self.budget:
+            return
         self.trail.append((self.steps, Clock.now() - self.clock, np.array(vector)))
 
     @property
