@@ -89,6 +89,15 @@ class Clock(NamedTuple):
         return Clock(self.wall - other.wall, self.cpu - other.cpu)
 
 
+class Improvement(NamedTuple):
+    """The best gains of a run so far, and what it took."""
+
+    steps: float  # simulated
+    taken: Clock  # without compilation
+    differentiated: bool
+    vector: np.ndarray  # (n,)
+
+
 @dataclass
 class Meter:
     """The search that every tuner is given: counts simulated steps and notes every improvement."""
@@ -97,7 +106,8 @@ class Meter:
     budget: float  # [simulated steps]
     steps: float = 0.0
     clock: Clock = field(default_factory=lambda: Clock.now())
-    trail: list[tuple[float, Clock, np.ndarray]] = field(default_factory=list)  # (steps, time since the start, vector)
+    differentiated: bool = False  # whether gradients, which take a program of their own, have been asked for
+    trail: list[Improvement] = field(default_factory=list)
 
     def values(self, vectors: np.ndarray, samples: Samples) -> np.ndarray:
         """Mean cost of every candidate (C,); vectors are (C, n)."""
@@ -106,6 +116,7 @@ class Meter:
 
     def slopes(self, vectors: np.ndarray, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
         """Mean cost of every candidate (C,) and its gradient (C, n)."""
+        self.differentiated = True
         self.steps += GRADIENT * len(vectors) * len(samples) * self.search.objective.steps
         return self.search.slopes(vectors, samples)
 
@@ -113,7 +124,8 @@ class Meter:
         """The vector (n,) of the best gains from here on; what was found beyond the budget does not count."""
         if self.steps > self.budget:
             return
-        self.trail.append((self.steps, Clock.now() - self.clock, np.array(vector)))
+        taken = Clock.now() - self.clock
+        self.trail.append(Improvement(self.steps, taken, self.differentiated, np.array(vector)))
 
     @property
     def spent(self) -> bool:

@@ -20,9 +20,10 @@ from typing import NamedTuple
 import jax
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from coopmm_jax import runtime
-from coopmm_jax.plotting.style import legend, panels, pen, save, styled
+from coopmm_jax.plotting.style import panels, pen, save, styled
 from experiments.benchmarks.tuner_methods import TUNERS
 from experiments.benchmarks.tuner_problem import ROBOTS, Clock, Meter, build
 from tuning.optimise import Search
@@ -31,6 +32,7 @@ from tuning.tiles import Samples
 # problem -> (what it is, evaluations on all training robots that a tuner may spend)
 PROBLEMS = {"shared": ("4 shared gains", 40), "separate": ("19 gains", 60)}
 SEEDS = 5
+COSTS = (0.5, 60.0)  # drawn; gains under which rollouts fail cost up to two million
 JUDGED = 8  # improvements of one run whose held-out cost is found, spread over the budget geometrically
 
 
@@ -80,7 +82,7 @@ def measure(problems: Iterable[str], tuners: Sequence[str], seeds: range) -> Ite
             for tuner in tuners:
                 meter = Meter(search, budget)
                 TUNERS[tuner](meter, training, seed)
-                yield from _judged(meter, problem, tuner, seed, held_out, compiling[tuner == "coopmm"])
+                yield from _judged(meter, problem, tuner, seed, held_out, compiling)
 
 
 def _compile(search: Search, robots: Samples) -> tuple[Clock, Clock]:
@@ -93,17 +95,18 @@ def _compile(search: Search, robots: Samples) -> tuple[Clock, Clock]:
 
 
 def _judged(
-    meter: Meter, problem: str, tuner: str, seed: int, held_out: Samples, compiling: Clock
+    meter: Meter, problem: str, tuner: str, seed: int, held_out: Samples, compiling: tuple[Clock, Clock]
 ) -> Iterable[Judgement]:
     last = len(meter.trail) - 1
     wanted = meter.budget * np.geomspace(0.02, 1.0, JUDGED)
-    steps = np.array([point[0] for point in meter.trail])
+    steps = np.array([point.steps for point in meter.trail])
     chosen = sorted({0, last, *(int(i) for i in np.searchsorted(steps, wanted, side="right") - 1 if i >= 0)})
-    costs = meter.search.values(np.stack([meter.trail[i][2] for i in chosen]), held_out)
+    costs = meter.search.values(np.stack([meter.trail[i].vector for i in chosen]), held_out)
     for i, cost in zip(chosen, costs, strict=True):
-        steps_then, clock, _ = meter.trail[i]
-        wall, cpu = (round(taken + before, 2) for taken, before in zip(clock, compiling, strict=True))
-        yield Judgement(problem, tuner, seed, steps_then, wall, cpu, float(cost))
+        point = meter.trail[i]
+        before = compiling[point.differentiated]
+        wall, cpu = (round(a + b, 2) for a, b in zip(point.taken, before, strict=True))
+        yield Judgement(problem, tuner, seed, point.steps, wall, cpu, float(cost))
     print(f"{problem} {tuner} seed {seed}: {costs[-1]:.3f} after {meter.steps / 1e6:.0f} M steps", flush=True)
 
 
@@ -136,22 +139,22 @@ def _reached(rows: Sequence[Judgement], problem: str, tuner: str, seed: int, goa
 
 @styled
 def curves(rows: Sequence[Judgement]) -> Figure:
-    """Held-out cost against simulated steps and wall time: median over seeds, and their range."""
+    """Held-out cost against simulated steps and CPU time: the median over seeds, and every seed as a thin line."""
     problems = list(dict.fromkeys(row.problem for row in rows))
-    figure, all_axes = panels(None, [[f"{p}, steps", f"{p}, time"] for p in problems], 3.0 * len(problems))
-    tuners = list(dict.fromkeys(row.tuner for row in rows))
+    figure, all_axes = panels(None, [[f"{p}, steps", f"{p}, time"] for p in problems], 0.6 + 2.8 * len(problems))
     for i, axes in enumerate(all_axes):
         problem, against = problems[i // 2], ("steps", "cpu_s")[i % 2]
-        for k, tuner in enumerate(tuners):
+        for k, tuner in enumerate(dict.fromkeys(row.tuner for row in rows)):
             grid, costs = _series(rows, problem, tuner, against)
             if not len(grid):
                 continue
-            lowest, highest = costs.min(axis=0), costs.max(axis=0)
-            axes.fill_between(grid, lowest, highest, color=pen(k)["color"], alpha=0.12, linewidth=0)
+            axes.plot(grid, costs.T, color=pen(k)["color"], alpha=0.35, linewidth=0.5)
             axes.plot(grid, np.median(costs, axis=0), label=tuner.replace("_", " "), **pen(k))
-        axes.set(xscale="log", yscale="log", ylabel=f"held-out cost, {PROBLEMS[problem][0]}")
+        axes.set(xscale="log", yscale="log", ylim=COSTS, ylabel=f"held-out cost, {PROBLEMS[problem][0]}")
         axes.set_xlabel("simulated steps" if against == "steps" else "CPU time with compilation [s]")
-    legend(all_axes[0])
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_major_formatter("{x:g}")
+    figure.legend(*all_axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=6, handlelength=1.8)
     return figure
 
 
