@@ -7,13 +7,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.overrides import read_toml
 from coopmm_jax.parameters import Gains
 
 _SECTIONS = ("gains", "law")
@@ -32,12 +32,7 @@ def read_gains(path: str | Path) -> dict[str, Any]:
     Raises:
         UserError: a file that cannot be read, or that holds anything but [gains] and [law].
     """
-    try:
-        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError("--gains-file", "a file that can be read", f"{path} ({error.strerror})") from None
-    except ValueError as error:
-        raise UserError("--gains-file", "a TOML file", f"{path} ({error})") from None
+    tables = read_toml(path, "--gains-file")
     others = [name for name in tables if name not in _SECTIONS]
     if others or "gains" not in tables:
         raise UserError("--gains-file", "a file of [gains] and [law]", f"{path} with {', '.join(tables) or 'nothing'}")

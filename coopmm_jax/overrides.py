@@ -10,9 +10,24 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from coopmm_jax.errors import UserError
+
+
+def read_toml(path: str | Path, field: str) -> dict[str, Any]:
+    """The tables of a TOML file that the user has named.
+
+    Raises:
+        UserError: of ``field``, where the file cannot be read or is not TOML.
+    """
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(field, "a file that can be read", f"{path} ({error.strerror})") from None
+    except ValueError as error:  # of the TOML parser, which says where, or of the decoding
+        raise UserError(field, "a TOML file", f"{path} ({error})") from None
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Mapping
 from importlib import resources
 from pathlib import Path
@@ -20,7 +19,7 @@ from coopmm_jax import scenario_schema as schema
 from coopmm_jax.errors import UserError
 from coopmm_jax.hardware_schema import HardwareSections
 from coopmm_jax.metric_table import METRICS
-from coopmm_jax.overrides import merged
+from coopmm_jax.overrides import merged, read_toml
 from coopmm_jax.parameters import (
     Disturbance,
     Gains,
@@ -214,12 +213,7 @@ def _read(path: Path, heirs: tuple[Path, ...] = ()) -> dict[str, Any]:
     """The tables of a scenario file, laid over those of its ``base``; ``heirs`` are the files that led here."""
     if path.resolve() in heirs:
         raise UserError("base", "a scenario that does not inherit from this one", path)
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError("scenario", "a file that can be read", f"{path} ({error.strerror})") from None
-    except ValueError as error:  # of the TOML parser, which says where, or of the decoding
-        raise UserError("scenario", "a TOML file", f"{path} ({error})") from None
+    tables = read_toml(path, "scenario")
     base = tables.pop("base", None)
     if base is None:
         return tables

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import tomllib
-from pathlib import Path
 from typing import Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
 from coopmm_jax.commands.report import report_folder, write_and_print
 from coopmm_jax.errors import UserError
-from coopmm_jax.overrides import merged
+from coopmm_jax.overrides import merged, read_toml
 from coopmm_jax.scenario import load_scenario
 from coopmm_jax.store import result_folder
 
@@ -69,12 +67,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
 
 
 def _uncertainty_file(path: str) -> dict[str, Any]:
-    try:
-        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError("--uncertainty", "a file that can be read", f"{path} ({error.strerror})") from None
-    except ValueError as error:
-        raise UserError("--uncertainty", "a TOML file", f"{path} ({error})") from None
+    tables = read_toml(path, "--uncertainty")
     for name in tables:
         if name not in ("uncertainty", "requirements"):
             raise UserError(f"--uncertainty {path}", "a file of [uncertainty] and [requirements]", f"one with {name}")
