@@ -14,7 +14,7 @@ from coopmm_jax.scenario import load_scenario
 from tuning import optimise, pareto, pareto_report, tiles
 from tuning.objective import FAILED, TERMS
 from tuning.optimise import Candidate
-from tuning.pareto import Front, Weighted, non_dominated, tune_front
+from tuning.pareto import Front, non_dominated, tune_front
 from tuning.problem import build_problem
 from tuning.risk import risk
 
@@ -96,7 +96,9 @@ def test_a_weighting_descends_as_if_alone(rollouts):
     coefficients = np.outer([1.0, 0.3, 5.0], search.coefficients) * np.random.default_rng(1).uniform(1, 2, (3, 9))
     starts = np.random.default_rng(2).normal(size=(3, problem.space.size))
     several = [Candidate(start, chosen.start(start)) for start in starts]
-    together = optimise.descend(Weighted(search.objective, coefficients, search.risk), chosen, several, samples, 3)
+    together = optimise.descend(
+        optimise.Search(search.objective, coefficients, search.risk), chosen, several, samples, 3
+    )
     for i, one in enumerate(several):
         single = optimise.Search(search.objective, coefficients[i], search.risk)
         alone = optimise.descend(single, chosen, [one], samples, 3)
@@ -125,7 +127,7 @@ def test_risk_of_a_weighting_is_that_of_its_costs(rollouts):
     vectors, samples = np.random.default_rng(3).normal(size=(4, problem.space.size)), problem.samples(0, 5)
     coefficients = np.random.default_rng(4).uniform(size=(2, 9))
     with jax.enable_x64(True):
-        values = Weighted(problem.training.objective, coefficients, risk("cvar", 0.5)).values(vectors, samples)
+        values = optimise.Search(problem.training.objective, coefficients, risk("cvar", 0.5)).values(vectors, samples)
         costs = terms_of(vectors, samples.rows)
         expected = [risk("cvar", 0.5)(costs[i] @ coefficients[i // 2]) for i in range(4)]  # two vectors per candidate
     np.testing.assert_allclose(values, expected, rtol=1e-12)

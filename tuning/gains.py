@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Gains
@@ -77,6 +78,12 @@ class GainSpace:
         low, high = np.array(self.low), np.array(self.high)
         inside = _MARGIN + (1.0 - 2.0 * _MARGIN) * fractions
         return _logit(inside[..., list(self.owner)]) * (high - low) / 4.0
+
+    def starts(self, count: int, seed: int) -> np.ndarray:
+        """Where a search begins (count, n): the starting gains, then scrambled Sobol points."""
+        engine = qmc.Sobol(len(self.names), scramble=True, rng=seed)
+        points = engine.random_base2(max(0, (count - 1).bit_length()))[:count]
+        return np.concatenate([self.start[None], self.spread(points)[1:]])
 
     def labels(self) -> list[str]:
         """Name of each number (n,), as K_I[2]."""

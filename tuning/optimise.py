@@ -32,12 +32,14 @@ class Search:
     """What is minimised: the risk, over samples, of the cost."""
 
     objective: Objective
-    coefficients: np.ndarray  # of the terms (9,)
+    coefficients: np.ndarray  # of the terms (9,), or one row for each candidate (C, 9)
     risk: Risk
 
     def values(self, vectors: np.ndarray, samples: Samples) -> np.ndarray:
-        """Risk of each candidate (C,); vectors is (C, n)."""
-        costs = tiles.evaluate(self.objective, vectors, samples).costs(self.coefficients)
+        """Risks (L,) of vectors (L, n); with coefficients of their own, each candidate has L / C of them in turn."""
+        rows = np.atleast_2d(self.coefficients)
+        rows = np.repeat(rows, len(vectors) // len(rows), axis=0)
+        costs = tiles.evaluate(self.objective, vectors, samples).costs(rows[:, None, :])
         return np.array([float(self.risk(row)) for row in costs])
 
     def slopes(self, vectors: np.ndarray, samples: Samples) -> tuple[np.ndarray, np.ndarray]:

@@ -21,11 +21,10 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Gains
 from coopmm_jax.scenario import Scenario
 from tuning import optimise, tiles
-from tuning.objective import TERMS, Objective
+from tuning.objective import TERMS
 from tuning.optimise import Candidate
 from tuning.problem import RACE, TEST, TRAINING, VALIDATION, Problem, build_problem
-from tuning.risk import Risk, weighted
-from tuning.tiles import Evaluated, Samples
+from tuning.tiles import Evaluated
 
 EFFORT = ("effort", "torque_variation", "saturation")  # all other terms are of quality
 WEIGHTS = (0.01, 10.0)  # smallest and largest weight of effort against quality
@@ -41,30 +40,8 @@ class Round(NamedTuple):
     rejected: int  # steps that were rejected or shortened
 
 
-@dataclass(frozen=True)
-class Weighted:
-    """What ``optimise.descend`` minimises, with coefficients of its own for every candidate."""
-
-    objective: Objective
-    coefficients: np.ndarray  # (C, 9)
-    risk: Risk
-
-    def values(self, vectors: np.ndarray, samples: Samples) -> np.ndarray:
-        """Risks (L,) of L = C m vectors (L, n), m for each candidate, those of one candidate together."""
-        rows = np.repeat(self.coefficients, len(vectors) // len(self.coefficients), axis=0)
-        costs = tiles.evaluate(self.objective, vectors, samples).costs(rows[:, None, :])
-        return np.array([float(self.risk(row)) for row in costs])
-
-    def slopes(self, vectors: np.ndarray, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-        """Risk of each candidate (C,) and its gradient (C, n)."""
-        costs, gradients = tiles.gradients(self.objective, vectors, samples, self.coefficients)
-        risks = [weighted(self.risk, row) for row in costs]
-        slopes = [np.sum(shares[:, None] * rows, axis=0) for (_, shares), rows in zip(risks, gradients, strict=True)]
-        return np.array([value for value, _ in risks]), np.array(slopes)
-
-
 @dataclass
-class Search:
+class Progressing:
     """What changes from iteration to iteration."""
 
     candidates: list[Candidate]  # of the first weighting, then of the second, ...
@@ -141,7 +118,9 @@ def _groups(scenario: Scenario) -> np.ndarray:
     return groups / sums[:, None]
 
 
-def _start(problem: Problem, chosen: optimise.LBFGS | optimise.Optax, groups: np.ndarray, mix: np.ndarray) -> Search:
+def _start(
+    problem: Problem, chosen: optimise.LBFGS | optimise.Optax, groups: np.ndarray, mix: np.ndarray
+) -> Progressing:
     """Race the scenario's gains against scrambled Sobol points, once for all weightings."""
     s, space = problem.scenario.tuning, problem.space
     starts = problem.starts()
@@ -149,7 +128,7 @@ def _start(problem: Problem, chosen: optimise.LBFGS | optimise.Optax, groups: np
     risks = _risks(problem.training, raced, mix @ (groups * problem.training.coefficients))
     order = np.argsort(risks, axis=1, kind="stable")[:, : s.survivors]
     candidates = [Candidate(vector, chosen.start(vector)) for vector in starts[order.ravel()]]
-    run = Search(candidates, np.repeat(space.start[None], len(mix), axis=0), np.full(len(mix), np.inf), [])
+    run = Progressing(candidates, np.repeat(space.start[None], len(mix), axis=0), np.full(len(mix), np.inf), [])
     _validate(problem, groups, mix, run, space.start[None])
     return run
 
@@ -159,14 +138,14 @@ def _iterate(
     chosen: optimise.LBFGS | optimise.Optax,
     groups: np.ndarray,
     mix: np.ndarray,
-    run: Search,
+    run: Progressing,
     progress: Progress | None,
 ) -> None:
     """Descend until no weighting improves any more or a budget ends it."""
     s, began, stale = problem.scenario.tuning, time.monotonic(), 0
     training = problem.training
     each = np.repeat(mix @ (groups * training.coefficients), len(run.candidates) // len(mix), axis=0)
-    search = Weighted(training.objective, each, training.risk)
+    search = optimise.Search(training.objective, each, training.risk)
     for number in range(1, s.iterations + 1):
         if stale >= s.patience or time.monotonic() - began >= s.time_budget:
             break
@@ -178,7 +157,7 @@ def _iterate(
             progress(Round(number, improved, rejected))
 
 
-def _validate(problem: Problem, groups: np.ndarray, mix: np.ndarray, run: Search, vectors: np.ndarray) -> int:
+def _validate(problem: Problem, groups: np.ndarray, mix: np.ndarray, run: Progressing, vectors: np.ndarray) -> int:
     """Offer vectors (C, n) to every weighting; returns how many of them take one."""
     search = problem.validation
     found = tiles.evaluate(
@@ -192,7 +171,7 @@ def _validate(problem: Problem, groups: np.ndarray, mix: np.ndarray, run: Search
     return int(better.sum())
 
 
-def _front(problem: Problem, groups: np.ndarray, weights: np.ndarray, run: Search) -> Front:
+def _front(problem: Problem, groups: np.ndarray, weights: np.ndarray, run: Progressing) -> Front:
     s, space, search = problem.scenario.tuning, problem.space, problem.validation
     vectors = np.concatenate([space.start[None], run.best])
     parts = groups * search.coefficients

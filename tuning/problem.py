@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.sampling import sampler
@@ -38,10 +37,7 @@ class Problem:
 
     def starts(self) -> np.ndarray:
         """Where a search begins: the scenario's gains, then tuning.starts - 1 scrambled Sobol points (C, n)."""
-        count = self.scenario.tuning.starts
-        engine = qmc.Sobol(len(self.space.names), scramble=True, rng=self.scenario.simulation.seed)
-        points = engine.random_base2(max(0, (count - 1).bit_length()))[:count]
-        return np.concatenate([self.space.start[None], self.space.spread(points)[1:]])
+        return self.space.starts(self.scenario.tuning.starts, self.scenario.simulation.seed)
 
     def samples(self, first: int, count: int) -> Samples:
         """The samples ``first`` to ``first + count - 1``."""

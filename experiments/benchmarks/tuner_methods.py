@@ -10,7 +10,6 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy import optimize
-from scipy.stats import qmc
 
 from experiments.benchmarks.tuner_problem import OWN, Meter, samples
 from tuning import optimise
@@ -18,7 +17,8 @@ from tuning.optimise import Candidate
 from tuning.tiles import Samples
 
 Tuner = Callable[[Meter, Samples, int], None]
-# Ours, for a budget smaller than what the defaults of [tuning] are meant for: half the lanes, half the steps.
+# STARTS serves the local methods too. The rest is ours, for a budget smaller than what the defaults of [tuning] are
+# meant for: half the lanes, half the steps.
 STARTS, RACE, SURVIVORS, LANES, STEPS, VALIDATION = 64, 4, 4, 32, 2, 16
 _DIFFERENCE = 1e-4  # step of finite differences, a factor on a gain
 _SPREAD = 1.5  # first standard deviation of CMA-ES: a factor of 4.5 on a gain
@@ -26,13 +26,6 @@ _SPREAD = 1.5  # first standard deviation of CMA-ES: a factor of 4.5 on a gain
 
 class _Spent(Exception):
     """The budget is used up: how to leave a library's optimiser."""
-
-
-def starts(meter: Meter, count: int, seed: int) -> np.ndarray:
-    """The starting gains, then Sobol points (count, n)."""
-    space = meter.search.objective.space
-    points = qmc.Sobol(len(space.names), scramble=True, rng=seed).random(count)
-    return np.concatenate([space.start[None], space.spread(points)[1:]])
 
 
 def _costs(meter: Meter, robots: Samples) -> Callable[[np.ndarray], np.ndarray]:
@@ -56,7 +49,7 @@ def _local(minimise: Callable[[Callable, np.ndarray], object]) -> Tuner:
 
     def tuner(meter: Meter, robots: Samples, seed: int) -> None:
         costs = _costs(meter, robots)
-        for start in starts(meter, 64, seed)[min(seed, 1) :]:
+        for start in meter.search.objective.space.starts(STARTS, seed)[min(seed, 1) :]:
             try:
                 minimise(costs, start)
             except _Spent:
@@ -116,7 +109,8 @@ def optuna_tpe(meter: Meter, robots: Samples, seed: int) -> None:
 def coopmm(meter: Meter, robots: Samples, seed: int) -> None:
     """``coopmm tune``'s race and descent, on robots of its own instead of the training set."""
     lbfgs, fixed = optimise.LBFGS(), samples(OWN + RACE, VALIDATION, seed + 1)
-    survivors = optimise.race(meter, starts(meter, STARTS, seed), samples(OWN, RACE, seed + 1), SURVIVORS)
+    starts = meter.search.objective.space.starts(STARTS, seed)
+    survivors = optimise.race(meter, starts, samples(OWN, RACE, seed + 1), SURVIVORS)
     meter.note(survivors[0])
     candidates = [Candidate(vector, lbfgs.start(vector)) for vector in survivors]
     best, first = np.inf, OWN + RACE + VALIDATION
