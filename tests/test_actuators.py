@@ -1,9 +1,6 @@
 """Torque limits, lag and friction of the actuators, alone and in the loop."""
 
 import json
-import os
-import subprocess
-import sys
 
 import jax
 import numpy as np
@@ -15,6 +12,7 @@ from coopmm_jax.actuators import friction_torque, limited, smooth_sign
 from coopmm_jax.parameters import Hardware, Structure
 from tests import limits_worker
 from tests.oracles import hardware
+from tests.workers import run_worker
 
 SMOOTH, HARD = (Structure(features=(form,)) for form in ("smooth_limits", "torque_limits"))
 WIDE = Hardware(wheel_limit=100.0, joint_limit=60.0)
@@ -65,11 +63,7 @@ def test_smooth_sign():
 
 @pytest.fixture(scope="module")
 def limited_loops():
-    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
-    command = [sys.executable, "-m", limits_worker.__name__]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return json.loads(run_worker(limits_worker))
 
 
 @pytest.mark.parametrize("form", limits_worker.FORMS)

@@ -2,12 +2,8 @@
 
 import csv
 import json
-import os
 import pickle
-import subprocess
-import sys
 
-import jax
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -19,6 +15,7 @@ from coopmm_jax.metric_table import METRICS
 from coopmm_jax.status import Status
 from coopmm_jax.sweep_tiles import SERIES
 from tests import compare_worker
+from tests.workers import run_worker
 from tuning import compare_figures, compare_report
 from tuning.compare import OWN, ComparedGains
 from tuning.measure import Comparison
@@ -44,10 +41,7 @@ def files(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def answer(files):
-    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
-    command = [sys.executable, "-m", compare_worker.__name__, str(files)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    run_worker(compare_worker, files)
     return pickle.loads((files / "answer.pkl").read_bytes())
 
 

@@ -1,9 +1,6 @@
 """The search for the worst sample: closed-form costs in place of rollouts, then real ones in a process of their own."""
 
 import json
-import os
-import subprocess
-import sys
 
 import jax
 import numpy as np
@@ -13,6 +10,7 @@ from coopmm_jax import cli
 from coopmm_jax.scenario import load_scenario
 from coopmm_jax.uncertainty import vary
 from tests import falsify_worker
+from tests.workers import run_worker
 from tuning import falsify, tiles
 from tuning.ascent import LADDER, ascend
 from tuning.objective import FAILED, TERMS
@@ -190,11 +188,7 @@ def test_command_prints_numbers_and_writes_the_scenario(failing, tmp_path, capsy
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
-    command = [sys.executable, "-m", falsify_worker.__name__, str(tmp_path_factory.mktemp("falsify"))]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return json.loads(run_worker(falsify_worker, tmp_path_factory.mktemp("falsify")))
 
 
 def test_gradients_are_those_of_central_differences(results):

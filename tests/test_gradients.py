@@ -1,9 +1,6 @@
 """Gradients through the full 20 s: reverse mode with checkpoints, forward mode and central differences agree."""
 
 import json
-import os
-import subprocess
-import sys
 
 import jax
 import numpy as np
@@ -11,16 +8,12 @@ import pytest
 
 from coopmm_jax.parameters import Structure
 from tests import gradient_worker
+from tests.workers import run_worker
 
 
 @pytest.fixture(scope="module")
 def gradients():
-    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
-    done = subprocess.run(
-        [sys.executable, "-m", gradient_worker.__name__], env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return {name: np.array(values) for name, values in json.loads(done.stdout).items()}
+    return {name: np.array(values) for name, values in json.loads(run_worker(gradient_worker)).items()}
 
 
 def test_every_gain_matters(gradients):

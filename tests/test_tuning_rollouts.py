@@ -1,27 +1,19 @@
 """The objective on real rollouts: gradients of every tunable gain, and lanes that do not depend on each other."""
 
 import json
-import os
-import subprocess
-import sys
 
-import jax
 import numpy as np
 import pytest
 
 from coopmm_jax.tuning_schema import Bounds
 from tests import tuning_worker
+from tests.workers import run_worker
 from tuning.objective import TERMS
 
 
 @pytest.fixture(scope="module")
 def results():
-    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
-    done = subprocess.run(
-        [sys.executable, "-m", tuning_worker.__name__], env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return json.loads(run_worker(tuning_worker))
 
 
 def test_every_tunable_gain_is_there_and_matters(results):
