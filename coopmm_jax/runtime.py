@@ -42,7 +42,7 @@ def use_small_while_loops() -> bool:
 
 
 def use_fast_compilation() -> bool:
-    """Compile this package's rollouts several times faster, to code that is about three times as fast.
+    """Compile this package's rollouts two to three times faster, to code that is about five times as fast.
 
     **Risk**: XLA's multi-output fusion on the CPU can abort the whole process, without a Python exception, while it
     compiles *other* code (seen with jacfwd through jnp.linalg: a failed check in symbolic_map.cc). The command line
