@@ -71,7 +71,7 @@ def _run(argv: Sequence[str], own_process: bool) -> int:
     if changes and not options.takes_overrides:
         raise UserError(f"--{next(iter(changes))}", "given to a command that runs a scenario", options.command)
     if options.computes and own_process:
-        runtime.use_fast_compilation()
+        runtime.use_fast_compilation(options.sweeps)
         runtime.use_compilation_cache()
     return options.run(options, changes)
 
@@ -80,6 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="coopmm", description=coopmm_jax.__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"coopmm {coopmm_jax.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    parser.set_defaults(sweeps=False)
     for module in (simulate, animate, sweep, tune, compare, falsify, report, scenarios):
         module.add(commands)
     return parser

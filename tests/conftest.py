@@ -7,6 +7,10 @@ from pathlib import Path
 import jax
 import pytest
 
+from tests.workers import QUICK_TO_COMPILE
+
+os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {QUICK_TO_COMPILE}".strip()  # and of all workers
+
 import coopmm_jax  # sets XLA's options before JAX starts
 from coopmm_jax.parameters import Parameters, Structure
 from tests.programs import Program

@@ -29,6 +29,7 @@ def make_experiments_small():
     """Where no option makes an experiment small: shorter, fewer, or traced without being compiled."""
     readme_media.write_media = lambda folder: None  # test_readme_media.py has it write its pictures
     rollout._compiled = _traced
+    rollout.apart = lambda _, function, *arguments: function(*arguments)  # a new process would not be small
     kept, sampled = loops.loops(), (loops.IDEAL, "sensed")
     loops.loops, loops.DURATIONS = lambda: {name: kept[name] for name in sampled}, {1: 0.01}
     # One sweep for all cases, with the programs of ``coopmm sweep sensed``; what it takes says nothing here.

@@ -1,7 +1,7 @@
 """Rollouts in a process of their own, where XLA's multi-output fusion compiles them several times faster.
 
 Of their own, because that option may abort a process that also compiles other code, like the oracles
-(see ``runtime.use_fast_compilation``).
+(see ``runtime.use_fast_compilation``). With the options of the command line, not those of the other tests.
 """
 
 import functools
@@ -14,11 +14,15 @@ import jax
 
 from coopmm_jax import runtime
 from tests.programs import Program
+from tests.workers import QUICK_TO_COMPILE
 
 
 def runs_apart(jobs):
     """``Run`` of each of a mapping's (structure, parameters, step, steps), under the same keys."""
-    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
+    environment = os.environ | {
+        "JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir,
+        "XLA_FLAGS": os.environ["XLA_FLAGS"].replace(QUICK_TO_COMPILE, "").strip(),
+    }
     command = [sys.executable, "-m", __name__]
     done = subprocess.run(command, input=pickle.dumps(jobs), env=environment, capture_output=True, check=False)
     assert done.returncode == 0, done.stderr.decode()

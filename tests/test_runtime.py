@@ -67,6 +67,20 @@ assert coopmm_jax.runtime.use_fast_compilation()
     ]
 
 
+def test_xla_accepts_the_options_for_batches():
+    code = """
+import os, coopmm_jax, jax
+assert coopmm_jax.runtime.use_fast_compilation(batches=True)
+print(os.environ["XLA_FLAGS"].split()[-2:])
+print(jax.jit(lambda x: x * 1.5)(jax.numpy.ones(3)).sum())
+"""
+    extra = "--xla_backend_extra_options=-"
+    assert in_new_process(code).splitlines() == [
+        f"['{extra}vectorize-memory-check-threshold=100000', '{extra}force-target-instruction-cost=100']",
+        "4.5",
+    ]
+
+
 def test_fast_compilation_after_the_first_computation_is_refused(monkeypatch):
     jax.numpy.zeros(1)
     assert runtime.backend_is_up()

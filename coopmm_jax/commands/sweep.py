@@ -37,7 +37,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--size", metavar="P", type=int, help="number of these processes")
     parser.add_argument("--coordinator", metavar="HOST:PORT", help="where they meet through jax.distributed")
     parser.add_argument("--distributed", action="store_true", help="let jax.distributed find rank, size, coordinator")
-    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
+    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True, sweeps=True)
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:

@@ -3,8 +3,10 @@
     python -m experiments.benchmarks.rollout [--out results/benchmarks] [--rounds 7]
 
 Every program is compiled first (tracing included in the time), run once to warm up, and then timed in turn with all the
-others, so that a machine that slows down slows them all; the table gives medians. "gradient" is of a cost with respect
-to K_sigma (6), gamma (5), K_lambda and K_I, by reverse mode with nested checkpoints or by one forward-mode direction.
+others of its part, so that a machine that slows down slows them all; the table gives medians. The parts run one after
+the other in processes of their own, as sweeps and tuning do, because they set other options of the compiler. "gradient"
+is of a cost with respect to K_sigma (6), gamma (5), K_lambda and K_I, by reverse mode with nested checkpoints or by one
+forward-mode direction.
 """
 
 from __future__ import annotations
@@ -15,19 +17,15 @@ import statistics
 import sys
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
-
-from coopmm_jax import runtime
-
-if __name__ == "__main__":
-    runtime.use_fast_compilation()
 
 import jax
 import jax.numpy as jnp
 
-from coopmm_jax import load_scenario
+from coopmm_jax import load_scenario, runtime
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.rollout import Observer, Plan, as_scalars, rollout
 
@@ -163,14 +161,37 @@ def measure(programs: Sequence[Program], rounds: int) -> list[dict[str, Any]]:
     ]
 
 
-def all_programs() -> list[Program]:
-    """Every program of the table; float32 is traced outside the float64 context."""
+def all_forward_programs() -> list[Program]:
+    """Rollouts in both precisions; float32 is traced outside the float64 context."""
     with jax.enable_x64(True):
         double = forward_programs("float64")
-        gradients = gradient_programs()
     with jax.enable_x64(False):
         single = forward_programs("float32")
-    return [*double, on_two_threads(double[1]), *single, on_two_threads(single[1]), *gradients]
+    return [*double, on_two_threads(double[1]), *single, on_two_threads(single[1])]
+
+
+def all_gradient_programs() -> list[Program]:
+    """Cost and gradients in float64."""
+    with jax.enable_x64(True):
+        return gradient_programs()
+
+
+PARTS = {
+    "forward": (all_forward_programs, True),
+    "gradients": (all_gradient_programs, False),
+}  # and whether it is batches
+
+
+def measure_part(name: str, rounds: int) -> list[dict[str, Any]]:
+    """Rows of one of ``PARTS``."""
+    programs, _ = PARTS[name]
+    return measure(programs(), rounds)
+
+
+def apart(batches: bool, function: Callable, *arguments: Any) -> Any:
+    """``function(*arguments)`` in a new process with fast compilation, for ``batches`` or not."""
+    with ProcessPoolExecutor(1, get_context("spawn"), runtime.use_fast_compilation, (batches,)) as pool:
+        return pool.submit(function, *arguments).result()
 
 
 def ratios(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -189,7 +210,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks"))
     parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args(argv)
-    rows = measure(all_programs(), options.rounds)
+    rows = [row for name, (_, batches) in PARTS.items() for row in apart(batches, measure_part, name, options.rounds)]
     print_table(rows)
     for name, value in ratios(rows).items():
         print(f"{name}: {value:.1f}")
