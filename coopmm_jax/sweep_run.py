@@ -153,10 +153,10 @@ def _fill(store: SweepStore, variation: Variation, points: Any, contents: Conten
     def compute(device: Any, item: tuple[int, np.ndarray]) -> None:
         tile, at = item
         parameters = variation.batch(at, indices(tile))
-        measured = sweep_tiles.measure(structure, horizon, device, parameters)
-        rows = {"parameters": np.stack(list(variation.values(at).values()), axis=1), **measured._asdict()}
-        if tile * contents.tile < contents.kept(store.samples):
+        rows = {"parameters": np.stack(list(variation.values(at).values()), axis=1)}
+        if tile * contents.tile < contents.kept(store.samples):  # first, while another thread compiles what measures
             rows |= sweep_tiles.trace(structure, horizon, device, parameters)
+        rows |= sweep_tiles.measure(structure, horizon, device, parameters)._asdict()
         _write(store, tile, rows)
 
     done = (len(tiles) - len(missing)) * contents.tile

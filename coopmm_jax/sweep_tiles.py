@@ -6,6 +6,7 @@ many samples the sweep has, nor on where it was interrupted, nor on how many pro
 
 from __future__ import annotations
 
+import collections
 import functools
 import threading
 from collections.abc import Callable, Sequence
@@ -25,7 +26,7 @@ from coopmm_jax.status import Health, Status
 
 SEGMENT = 64  # steps; a horizon is rounded up to a whole number of segments
 POINTS = 400  # of a kept series, at most one more
-_COMPILING = threading.Lock()  # threads that need the same program share one
+_COMPILING: dict[Callable, threading.Lock] = collections.defaultdict(threading.Lock)  # threads share a kind's program
 
 # name -> (unit, meaning) of what is kept over time of a few samples
 SERIES: dict[str, tuple[str, str]] = {
@@ -97,7 +98,7 @@ def _run(
     parameters = jax.tree.map(lambda x: np.ascontiguousarray(x, dtype), parameters)
     arguments = (parameters, np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32))
     with jax.enable_x64(dtype == np.float64):  # of this thread only
-        with _COMPILING:
+        with _COMPILING[kind]:
             shape = jax.tree.structure(parameters), len(parameters.plant.gravity)
             executable = _executable(kind, structure, plan, dtype, device, *shape)
         return jax.device_get(executable(*jax.device_put(arguments, device)))
