@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -33,17 +34,21 @@ _START_TOLERANCE = 1e-9  # [m]
 class Plan(NamedTuple):
     """Static shape of a rollout: segments of a fixed number of steps, so that the horizon itself can be traced.
 
-    One report is kept per segment (its first step), and with ``checkpoint`` one state for the reverse pass.
+    One report is kept per segment (its first step), and with ``checkpoint`` one state for the reverse pass. ``packed``
+    is for a rollout by itself: the ideal loop then carries its state and model as two vectors instead of a buffer for
+    each of two hundred scalars, runs a sixth faster and compiles in three quarters of the time. Under vmap the vectors'
+    entries would lie apart, and a gradient would pad each of them: there it costs more than it gains.
     """
 
     segments: int
     length: int
     checkpoint: bool = False
+    packed: bool = False
 
     @classmethod
-    def covering(cls, steps: int, length: int = 1, checkpoint: bool = False) -> Plan:
+    def covering(cls, steps: int, length: int = 1, checkpoint: bool = False, packed: bool = False) -> Plan:
         """The shortest plan whose samples include step 0 and step ``steps``."""
-        return cls(-(-(steps + 1) // length), length, checkpoint)
+        return cls(-(-(steps + 1) // length), length, checkpoint, packed)
 
 
 class Observer(NamedTuple):
@@ -124,15 +129,21 @@ def rollout(
     reachable = residual < max(_START_TOLERANCE, 30.0 * float(jnp.finfo(dtype).eps))
     health = Health(jnp.where(reachable, Status.OK.value, Status.UNREACHABLE.value).astype(jnp.int32), jnp.int32(0))
 
+    field = functools.partial(closed_loop, structure, model)
+    packed = plan.packed and not structure.substeps
+    if packed:
+        field, state = _packed_field(structure, model, state, dtype)
+
     def advance(carry: tuple, i: Scalar) -> tuple[tuple, Any]:
         state, total, health = carry
         t = i.astype(dtype) * step
         if structure.substeps:
             proposed, signals = sampled_step(structure, model, i, t, step, state)
         else:
-            proposed, signals = rk4_step(lambda at, x: closed_loop(structure, model, at, x), t, step, state)
+            proposed, signals = rk4_step(field, t, step, state)
         running = (health.status == 0) & (i <= steps)  # what the plan has room for beyond the horizon cannot fail
-        status = jnp.where(running, judge(proposed, signals, determinants), health.status)
+        reached = proposed.unpack() if packed else proposed
+        status = jnp.where(running, judge(reached, signals, determinants), health.status)
         failed = (status != 0) & (health.status == 0)
         sampled = (status == 0) & (i <= steps)
         if observer is not None:
@@ -143,7 +154,23 @@ def rollout(
 
     carry = (state, observer.start if observer is not None else None, health)
     (state, total, health), reports = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint)
+    state = state.unpack() if packed else state
     return Rollout(state, total, health, reports.unpack() if record else None)
+
+
+def _packed_field(structure: Structure, model: Model, state: State, dtype: Any) -> tuple[Callable, Packed]:
+    """``closed_loop`` and its first state, with state and model as one vector each.
+
+    The barrier ties the reading to the stage: otherwise XLA reads ahead of the loop and carries every scalar after all.
+    """
+    constants = Packed.of(model, dtype)
+
+    def field(t: Scalar, at: Packed) -> tuple[Packed, Signals]:
+        read, t = jax.lax.optimization_barrier((constants, t))
+        rates, signals = closed_loop(structure, read.unpack(), t, at.unpack())
+        return Packed.of(rates, dtype), signals
+
+    return field, Packed.of(state, dtype)
 
 
 def _choose(condition: Scalar, new: Any, old: Any) -> Any:

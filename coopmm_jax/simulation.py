@@ -70,7 +70,7 @@ def _plan(steps: int, record_every: int) -> Plan:
     """Room for a few more samples than asked for, at most an eighth, so that horizons of about one length share it."""
     samples = steps // record_every + 1
     unit = max(_SHORTEST, 2 ** (samples.bit_length() - 4))
-    return Plan(-(-samples // unit) * unit, record_every)
+    return Plan(-(-samples // unit) * unit, record_every, packed=True)
 
 
 @functools.partial(jax.jit, static_argnames=("structure", "plan"))

@@ -82,14 +82,14 @@ def forward_programs(precision: str) -> list[Program]:
     structure, dtype = scenario.structure(), jnp.dtype(precision)
     parameters = as_scalars(scenario.parameters(), dtype)
 
-    def final(parameters: Parameters, steps: int) -> Any:
-        return rollout(structure, parameters, STEP, steps, Plan.covering(steps)).state
+    def final(parameters: Parameters, steps: int, packed: bool) -> Any:
+        return rollout(structure, parameters, STEP, steps, Plan.covering(steps, packed=packed)).state
 
     def batch(parameters: Parameters) -> Any:
-        return jax.vmap(lambda p: final(p, 1000))(parameters)
+        return jax.vmap(lambda p: final(p, 1000, False))(parameters)
 
     return [
-        _compiled("one rollout", precision, 1, 20000, lambda p: final(p, 20000), parameters),
+        _compiled("one rollout", precision, 1, 20000, lambda p: final(p, 20000, True), parameters),
         _compiled("batch, one thread", precision, BATCH, 1000, batch, _lanes(parameters, BATCH)),
     ]
 
