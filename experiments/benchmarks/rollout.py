@@ -176,10 +176,10 @@ def all_gradient_programs() -> list[Program]:
         return gradient_programs()
 
 
-PARTS = {
+PARTS = {  # programs, and whether to compile for batches
     "forward": (all_forward_programs, True),
     "gradients": (all_gradient_programs, False),
-}  # and whether it is batches
+}
 
 
 def measure_part(name: str, rounds: int) -> list[dict[str, Any]]:
