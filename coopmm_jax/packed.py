@@ -1,4 +1,4 @@
-"""A pytree of scalars as one vector, for results that a scan stacks step by step.
+"""A pytree of scalars as one vector, for results that a scan stacks step by step and for what one rollout carries.
 
 XLA writes a scan's output in place, but with multi-output fusion on the CPU (see ``runtime.use_fast_compilation``) it
 merges the writes of many outputs into one loop, and that one copies all of them at every step: 20 000 steps then take

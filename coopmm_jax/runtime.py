@@ -19,7 +19,7 @@ _WHOLE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_thresh
 _MULTI_OUTPUT = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion=true"
 # Not an extra option: given as one, XLA ignores it (seen in the generated code's prefer-vector-width attribute).
 _VECTOR_WIDTH = "--xla_cpu_prefer_vector_width=512"
-# LLVM's higher levels take a fifth longer over a rollout or its gradient and gain nothing (benchmarks.rollout).
+# LLVM's higher levels take a fifth longer over a rollout or its gradient and gain at most 3 % (benchmarks.rollout).
 _OPTIMISATION = "--xla_backend_optimization_level=1"
 # LLVM vectorises a loop only if checking at run time that its arrays do not overlap takes few comparisons (128) and
 # little beside the loop's own estimated cost. XLA does not tell it that the outputs of a multi-output fusion are apart,

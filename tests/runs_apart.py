@@ -5,7 +5,6 @@ Of their own, because that option may abort a process that also compiles other c
 """
 
 import functools
-import os
 import pickle
 import subprocess
 import sys
@@ -14,17 +13,15 @@ import jax
 
 from coopmm_jax import runtime
 from tests.programs import Program
-from tests.workers import QUICK_TO_COMPILE
+from tests.workers import environment
 
 
 def runs_apart(jobs):
     """``Run`` of each of a mapping's (structure, parameters, step, steps), under the same keys."""
-    environment = os.environ | {
-        "JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir,
-        "XLA_FLAGS": os.environ["XLA_FLAGS"].replace(QUICK_TO_COMPILE, "").strip(),
-    }
     command = [sys.executable, "-m", __name__]
-    done = subprocess.run(command, input=pickle.dumps(jobs), env=environment, capture_output=True, check=False)
+    done = subprocess.run(
+        command, input=pickle.dumps(jobs), env=environment(shipped=True), capture_output=True, check=False
+    )
     assert done.returncode == 0, done.stderr.decode()
     return pickle.loads(done.stdout)
 

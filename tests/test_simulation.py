@@ -56,7 +56,7 @@ def test_packed_rollout_is_the_plain_one(simulated_paper, paper_run):
         (simulated_paper.torque, plain.torque),
     ):
         other = np.moveaxis(np.array(other)[..., :samples], -1, 0)
-        assert np.abs(mine - other).max() < 1e-9 * np.abs(other).max()
+        assert np.abs(mine - other).max() < 1e-13 * np.abs(other).max()
 
 
 def test_world_coordinates(simulated_paper):

@@ -12,10 +12,17 @@ import jax
 QUICK_TO_COMPILE = "--xla_backend_optimization_level=0"
 
 
+def environment(shipped: bool = False) -> dict[str, str]:
+    """Of a worker: the tests' compilation cache; ``shipped`` leaves XLA's level to the command line."""
+    flags = os.environ["XLA_FLAGS"]
+    if shipped:
+        flags = flags.replace(QUICK_TO_COMPILE, "").strip()
+    return os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir, "XLA_FLAGS": flags}
+
+
 def run_worker(worker: ModuleType, *arguments: object) -> str:
-    """What ``python -m worker arguments`` prints, with the tests' compilation cache; its failure is the test's."""
-    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
+    """What ``python -m worker arguments`` prints; its failure is the test's."""
     command = [sys.executable, "-m", worker.__name__, *map(str, arguments)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
