@@ -7,6 +7,7 @@ from typing import NamedTuple
 from coopmm_jax import coupling, plant, robot
 from coopmm_jax.actuators import limited
 from coopmm_jax.components import Scalar, Vector, minus, plus, scaled
+from coopmm_jax.constrained_dynamics import Accelerations
 from coopmm_jax.control import force as force_control
 from coopmm_jax.control.motion import Memory, MotionCommand, motion_control
 from coopmm_jax.model import Model
@@ -55,7 +56,7 @@ class Action(NamedTuple):
     commanded: tuple[Vector, Vector]  # torques of each robot [N m]
     target: tuple[Vector, Vector]  # likewise, within limits
     applied: tuple[Vector, Vector]  # likewise, behind the actuators' lag
-    moved: coupling.Accelerations
+    moved: Accelerations
 
 
 def ideal_sensing(structure: Structure) -> bool:

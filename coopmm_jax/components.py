@@ -24,6 +24,11 @@ def _structural(a: Scalar, value: int) -> bool:
     return type(a) is int and a == value
 
 
+def is_zero(a: Scalar) -> bool:
+    """Whether a scalar is a structural zero."""
+    return _structural(a, 0)
+
+
 def add(a: Scalar, b: Scalar) -> Scalar:
     """Scalars a + b, dropping structural zeros."""
     if _structural(a, 0):
@@ -102,12 +107,14 @@ class Matrix:
     def __add__(self, other: Matrix) -> Matrix:
         return Matrix([plus(a, b) for a, b in zip(self.rows, other.rows, strict=True)])
 
-    def squared_norm(self) -> Scalar:
-        """Sum of the squares of all entries (the Frobenius norm squared)."""
-        total: Scalar = 0
-        for row in self.rows:
-            total = add(total, dot(row, row))
-        return total
+    def beside(self, other: Matrix) -> Matrix:
+        """This matrix with the columns of ``other``, which has as many rows, to its right."""
+        return Matrix([a + b for a, b in zip(self.rows, other.rows, strict=True)])
+
+
+def identity(n: int) -> Matrix:
+    """The n x n unit matrix, all of it structural."""
+    return Matrix([[int(i == j) for j in range(n)] for i in range(n)])
 
 
 def congruence(L: Matrix, M: Matrix) -> Matrix:
@@ -118,29 +125,30 @@ def congruence(L: Matrix, M: Matrix) -> Matrix:
 
 
 def cholesky_solve(A: Matrix, *right_sides: Sequence[Scalar]) -> list[Vector]:
-    """Solve A x = b for each right side b (n,) by unrolled L D L^T; A (n x n) is symmetric positive definite.
+    """Solve A x = b for each right side b (n,) by unrolled U D U^T; A (n x n) is symmetric positive definite.
 
-    L D L^T rather than Cholesky: n divisions and no square roots, which cost ten multiplications each.
+    D apart rather than Cholesky: n divisions and no square roots, which cost ten multiplications each. From the last
+    unknown to the first, so from the tip of an arm to its base, as that keeps the zeros of its inertia matrix
+    (Featherstone, Rigid Body Dynamics Algorithms, section 6.5).
     """
     n = len(A.rows)
-    L = [[0] * n for _ in range(n)]
-    LD = [[0] * n for _ in range(n)]
+    U = [[0] * n for _ in range(n)]
+    UD = [[0] * n for _ in range(n)]
     inverse_pivot = [0] * n
-    for j in range(n):
-        for i in range(j, n):
-            LD[i][j] = sub(A.rows[i][j], dot(LD[i][:j], L[j][:j]))
-        inverse_pivot[j] = 1.0 / LD[j][j]
-        for i in range(j + 1, n):
-            L[i][j] = mul(LD[i][j], inverse_pivot[j])
+    for j in reversed(range(n)):
+        for i in range(j + 1):
+            UD[i][j] = sub(A.rows[i][j], dot(UD[i][j + 1 :], U[j][j + 1 :]))
+        inverse_pivot[j] = 1.0 / UD[j][j]
+        for i in range(j):
+            U[i][j] = mul(UD[i][j], inverse_pivot[j])
     solutions = []
     for b in right_sides:
         y = list(b)
-        for i in range(n):
-            y[i] = sub(y[i], dot(L[i][:i], y[:i]))
-        x = [mul(y[i], inverse_pivot[i]) for i in range(n)]
         for i in reversed(range(n)):
-            below = [L[k][i] for k in range(i + 1, n)]
-            x[i] = sub(x[i], dot(below, x[i + 1 :]))
+            y[i] = sub(y[i], dot(U[i][i + 1 :], y[i + 1 :]))
+        x = [mul(y[i], inverse_pivot[i]) for i in range(n)]
+        for i in range(n):
+            x[i] = sub(x[i], dot([U[k][i] for k in range(i)], x[:i]))
         solutions.append(tuple(x))
     return solutions
 

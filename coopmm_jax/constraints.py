@@ -16,12 +16,23 @@ from coopmm_jax.parameters import Geometry, Hardware, Surface
 JOINTS = 5  # velocities u of one robot: u1, u2, a1dot, a2dot, a3dot
 
 
+class Contact(NamedTuple):
+    """D = p1 - C from the arc's centre C = p2 - Rc e2 to tip I, along both arms' own axes (e, n)."""
+
+    D1: tuple[Scalar, Scalar]
+    D2: tuple[Scalar, Scalar]
+    turn: tuple[Scalar, Scalar]  # sine and cosine of arm I's direction less arm II's
+    tip2: tuple[Scalar, Scalar]
+
+
 class Bodies(NamedTuple):
-    """Both robots' kinematics at one instant (each field a pair, robot I and II)."""
+    """Both robots' kinematics at one instant (each field but the contact a pair, robot I and II)."""
 
     position: tuple[robot.Position, robot.Position]
     arm: tuple[robot.Posture, robot.Posture]
     T: tuple[Matrix, Matrix]  # body rates from u
+    tip: tuple[tuple[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]  # Jacobian rows along e, n, up
+    contact: Contact
 
 
 class Rows(NamedTuple):
@@ -41,32 +52,28 @@ class SurfaceMotion(NamedTuple):
     phi_acceleration: Scalar
 
 
-def bodies(geometry: tuple[Geometry, Geometry], position: tuple[robot.Position, robot.Position]) -> Bodies:
+def bodies(
+    surface: Surface, geometry: tuple[Geometry, Geometry], position: tuple[robot.Position, robot.Position]
+) -> Bodies:
     """Kinematics shared by inertia, constraints and control."""
+    arms = tuple(robot.posture(g, p) for g, p in zip(geometry, position, strict=True))
     return Bodies(
         position,
-        tuple(robot.posture(g, p) for g, p in zip(geometry, position, strict=True)),
+        arms,
         tuple(robot.body_map(p) for p in position),
+        tuple(robot.tip_rows(g, a) for g, a in zip(geometry, arms, strict=True)),
+        _contact(surface, geometry, position, arms),
     )
 
 
-class _Contact(NamedTuple):
-    """D = p1 - C from the arc's centre C = p2 - Rc e2 to tip I, along both arms' own axes (e, n)."""
-
-    D1: tuple[Scalar, Scalar]
-    D2: tuple[Scalar, Scalar]
-    turn: tuple[Scalar, Scalar]  # sine and cosine of arm I's direction less arm II's
-    tip2: tuple[Scalar, Scalar]
-
-
-def _contact(surface: Surface, geometry: tuple[Geometry, Geometry], b: Bodies) -> _Contact:
-    tip1, tip2 = (robot.tip_position(g, p, a) for g, p, a in zip(geometry, b.position, b.arm, strict=True))
-    one, two = b.position
+def _contact(surface: Surface, geometry: tuple[Geometry, Geometry], position: tuple, arms: tuple) -> Contact:
+    tip1, tip2 = (robot.tip_position(g, p, a) for g, p, a in zip(geometry, position, arms, strict=True))
+    one, two = position
     s, c = sincos((one.z1 - two.z1) + (one.a1 - two.a1))
     centre = _to_arm1((s, c), (tip2[0] - surface.contact_radius, tip2[1]))
     D1 = minus(tip1, centre)
     D2 = (c * D1[0] - s * D1[1], s * D1[0] + c * D1[1])
-    return _Contact(D1, D2, (s, c), tip2)
+    return Contact(D1, D2, (s, c), tip2)
 
 
 def _to_arm1(turn: tuple[Scalar, Scalar], vector: Vector) -> Vector:
@@ -75,13 +82,7 @@ def _to_arm1(turn: tuple[Scalar, Scalar], vector: Vector) -> Vector:
     return c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]
 
 
-def constraint_rows(
-    surface: Surface,
-    geometry: tuple[Geometry, Geometry],
-    names: tuple[str, ...],
-    b: Bodies,
-    radius: Scalar | None = None,
-) -> Rows:
+def constraint_rows(surface: Surface, names: tuple[str, ...], b: Bodies, radius: Scalar | None = None) -> Rows:
     """phi and J of the rows in force; J u = 0, or J u = -dphi/dt where the surface moves.
 
     Args:
@@ -90,8 +91,7 @@ def constraint_rows(
     """
     Rc, Rg = surface.contact_radius, surface.guide_radius
     now = Rc if radius is None else radius
-    contact = _contact(surface, geometry, b)
-    (e1, n1, up1), (e2, n2, up2) = (robot.tip_rows(g, a) for g, a in zip(geometry, b.arm, strict=True))
+    contact, ((e1, n1, up1), (e2, n2, up2)) = b.contact, b.tip
     n_centre = (*n2[:2], sub(n2[2], Rc), *n2[3:])  # the centre's velocity across arm II: tip's less Rc times arm yaw
     none = (0,) * JOINTS
     p = contact.tip2
@@ -114,16 +114,15 @@ def constraint_rows(
     return Rows(phi, (Matrix(J1) @ b.T[0], Matrix(J2) @ b.T[1]), contacts, contact.D2)
 
 
-def sliding_rows(surface: Surface, geometry: tuple[Geometry, Geometry], b: Bodies) -> tuple[Vector, Vector]:
+def sliding_rows(surface: Surface, b: Bodies) -> tuple[Vector, Vector]:
     """Rows (5,) of each robot in u whose sum is the speed at which tip I slides along the arc [m/s].
 
     The surface turns with arm II, so its point at the contact moves at p2dot + W2 x (p1 - p2).
     """
     Rc = surface.contact_radius
-    contact = _contact(surface, geometry, b)
-    (e1, n1, _), (e2, n2, _) = (robot.tip_rows(g, a) for g, a in zip(geometry, b.arm, strict=True))
+    (e1, n1, _), (e2, n2, _) = b.tip
     yaw = (0, 0, 1, 0, 0)
-    D1, D2 = contact.D1, contact.D2
+    D1, D2 = b.contact.D1, b.contact.D2
     along = plus(e2, scaled(-D2[1], yaw))
     across = plus(n2, scaled(D2[0] - Rc, yaw))
     slide1 = plus(scaled(-D1[1] / Rc, e1), scaled(D1[0] / Rc, n1))
@@ -150,11 +149,9 @@ def convective(
     velocity: tuple[Vector, Vector],
 ) -> Vector:
     """Jdot u (m,) [m/s^2]: acceleration of the rows when udot = 0. ``velocity`` is u of each robot (5,)."""
-    Rc = surface.contact_radius
-    contact = _contact(surface, geometry, b)
+    Rc, contact = surface.contact_radius, b.contact
     rates = tuple(T @ u for T, u in zip(b.T, velocity, strict=True))
-    tips = tuple(robot.tip_rows(g, a) for g, a in zip(geometry, b.arm, strict=True))
-    speed = tuple(tuple(dot(row, w) for row in rows) for rows, w in zip(tips, rates, strict=True))
+    speed = tuple(tuple(dot(row, w) for row in rows) for rows, w in zip(b.tip, rates, strict=True))
     acceleration = tuple(
         robot.tip_bias(g, a, w, robot.body_map_rate(p, u))
         for g, p, a, w, u in zip(geometry, b.position, b.arm, rates, velocity, strict=True)

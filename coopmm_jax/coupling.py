@@ -1,4 +1,4 @@
-"""What couples the robots: the map L of (10), reduced dynamics (11), multipliers.
+"""What couples the robots: the map L of (10) from the independent velocities u^1 to all of them, and its uses.
 
 Each constraint row makes one joint dependent: contact rows (a2, a3) of robot I (a3 alone when only the normal row is
 left: at the nominal posture sin A + sin B = 0, so a2 does not move the normal row there), guide rows (a2, a3) of robot
@@ -8,26 +8,31 @@ II. J is block triangular over the dependent joints because the guide does not s
 
 so every solve with it is two solves of size two at most. L is not block diagonal, unlike below (10): robot I's
 dependent joints move when the object does.
+
+Rows that hold a height do not see the independent velocities when both heights are held. What is left drives the
+dependent joints: u_dep = N R u^1 with one row of R for each row that does, in the full set one for each robot. So L is
+never multiplied out.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from coopmm_jax import robot
+from coopmm_jax import robot, robot_dynamics
 from coopmm_jax.components import (
     Matrix,
     Scalar,
     Vector,
     cholesky_solve,
-    congruence,
     dot,
+    identity,
     inverse_small,
+    is_zero,
     minus,
     plus,
-    scaled,
     sub,
 )
 from coopmm_jax.constraints import JOINTS, Bodies, Rows, SurfaceMotion, bodies, constraint_rows, convective
@@ -58,13 +63,17 @@ def partition(rows: tuple[str, ...]) -> Partition:
 class Reduction(NamedTuple):
     """The constraint solved for the dependent joints, (10)."""
 
-    L: tuple[Matrix, Matrix]  # u of each robot (5,) from the independent velocities (n,)
+    R: Matrix  # (drives, n): what of u^1 drives the dependent joints, robot I's drives first
+    N: tuple[Matrix, Matrix]  # of each robot (dependent joints, its drives): how they follow
     part: Partition
     rows: Rows
     N1_inverse: Matrix
-    N2: Matrix | None
-    G2_inverse: Matrix | None
+    carried: Matrix  # -N2 G2^-1: what residuals of the guide add at the contact
+    G2_inverse: Matrix
     determinants: tuple[Scalar, ...]  # of N1 and G2: an arm is singular where one vanishes
+
+
+_NOTHING = Matrix([])
 
 
 def _columns(matrix: Matrix, rows: slice, columns: tuple[int, ...]) -> Matrix:
@@ -72,41 +81,129 @@ def _columns(matrix: Matrix, rows: slice, columns: tuple[int, ...]) -> Matrix:
 
 
 def reduce(rows: Rows, names: tuple[str, ...]) -> Reduction:
-    """Solve J u = 0 for the dependent joints: L of (10) and what the solves below need."""
+    """Solve J u = 0 for the dependent joints: L of (10) as N R, and what the solves below need."""
     part = partition(names)
     contact, guide = slice(0, rows.contacts), slice(rows.contacts, None)
     J1, J2 = rows.J
-    N1_inverse, N1_determinant = inverse_small(_columns(J1, contact, part.dependent[0]))
-    n1, n2 = len(part.independent[0]), len(part.independent[1])
-    at_contact2 = _columns(J2, contact, part.independent[1])
-    D2, N2, G2_inverse, determinants = None, None, None, (N1_determinant,)
+    N1_inverse, determinant = inverse_small(_columns(J1, contact, part.dependent[0]))
+    determinants = (determinant,)
+    at_contact = _columns(J2, contact, part.independent[1])
+    R2, N_II, carried, G2_inverse = _NOTHING, _NOTHING, _NOTHING, _NOTHING
     if part.dependent[1]:
-        G2_inverse, G2_determinant = inverse_small(_columns(J2, guide, part.dependent[1]))
-        D2 = _negated(G2_inverse @ _columns(J2, guide, part.independent[1]))
-        N2 = _columns(J2, contact, part.dependent[1])
-        at_contact2 = at_contact2 + N2 @ D2
-        determinants = (N1_determinant, G2_determinant)
-    at_contact1 = _columns(J1, contact, part.independent[0])
-    both = Matrix([a + b for a, b in zip(at_contact1.rows, at_contact2.rows, strict=True)])
-    D1 = _negated(N1_inverse @ both)
-    L1 = _assemble(D1, part.independent[0], part.dependent[0], 0, n1 + n2)
-    D2_wide = Matrix([(0,) * n1 + row for row in D2.rows]) if D2 is not None else None
-    L2 = _assemble(D2_wide, part.independent[1], part.dependent[1], n1, n1 + n2)
-    return Reduction((L1, L2), part, rows, N1_inverse, N2, G2_inverse, determinants)
+        G2_inverse, determinant = inverse_small(_columns(J2, guide, part.dependent[1]))
+        determinants = (*determinants, determinant)
+        carried = _carried(_columns(J2, contact, part.dependent[1]), G2_inverse, names)
+        at_guide = _columns(J2, guide, part.independent[1])
+        at_contact = at_contact + carried @ at_guide
+        R2, N_II = _drives(at_guide, G2_inverse)
+    at_contact = _columns(J1, contact, part.independent[0]).beside(at_contact)
+    R1, N_I = _drives(at_contact, N1_inverse)
+    other = (0,) * len(part.independent[0])
+    R = Matrix([*R1.rows, *((*other, *row) for row in R2.rows)])
+    return Reduction(R, (N_I, N_II), part, rows, N1_inverse, carried, G2_inverse, determinants)
 
 
-def _negated(matrix: Matrix) -> Matrix:
-    return Matrix([[sub(0, x) for x in row] for row in matrix.rows])
+def _carried(N2: Matrix, G2_inverse: Matrix, names: tuple[str, ...]) -> Matrix:
+    """-N2 G2^-1, whose height row is known: there N2 is the opposite of the guide's height row."""
+    product = N2 @ G2_inverse
+    negated = (tuple(sub(0, x) for x in row) for row in product.rows)
+    return Matrix([(0, 1) if name == "contact_height" else row for name, row in zip(names, negated, strict=False)])
 
 
-def _assemble(D: Matrix | None, independent: tuple, dependent: tuple, offset: int, width: int) -> Matrix:
-    """Rows of L of one robot: unit rows for its independent velocities, rows of D for the dependent ones."""
-    L = [(0,) * width] * JOINTS
-    for k, joint in enumerate(independent):
-        L[joint] = tuple(int(column == offset + k) for column in range(width))
-    for k, joint in enumerate(dependent):
-        L[joint] = D.rows[k]
-    return Matrix(L)
+def _drives(right: Matrix, inverse: Matrix) -> tuple[Matrix, Matrix]:
+    """R and N with N R = -inverse right, without the rows of ``right`` that are zero by structure."""
+    kept = [i for i, row in enumerate(right.rows) if not all(map(is_zero, row))]
+    N = Matrix([[sub(0, row[i]) for i in kept] for row in inverse.rows])
+    return Matrix([right.rows[i] for i in kept]), N
+
+
+def of_each_robot(reduction: Reduction, drives: Sequence[Any]) -> tuple[tuple, tuple]:
+    """What there is one of for each drive, robot by robot."""
+    first = len(reduction.N[0].rows[0])
+    return tuple(drives[:first]), tuple(drives[first:])
+
+
+def joined(part: Partition, independent: Sequence[Any], dependent: tuple[Sequence[Any], Sequence[Any]]) -> tuple:
+    """What there is one of for each joint, (5,) for each robot, from the independent (n,) and the dependent joints."""
+    both, taken = [], 0
+    for free, bound, values in zip(part.independent, part.dependent, dependent, strict=True):
+        own = independent[taken : taken + len(free)]
+        entries = dict(zip((*free, *bound), (*own, *values), strict=True))
+        both.append(tuple(entries[joint] for joint in range(JOINTS)))
+        taken += len(free)
+    return tuple(both)
+
+
+def parted(part: Partition, joints: tuple[Vector, Vector]) -> tuple[Vector, tuple[Vector, Vector]]:
+    """The inverse of ``joined``: the independent (n,), and the dependent ones of each robot."""
+    independent = sum((tuple(u[j] for j in free) for u, free in zip(joints, part.independent, strict=True)), ())
+    return independent, tuple(tuple(u[j] for j in bound) for u, bound in zip(joints, part.dependent, strict=True))
+
+
+def velocity_maps(reduction: Reduction) -> tuple[Matrix, Matrix]:
+    """L of (10), multiplied out: of each robot (5 x n)."""
+    drives = of_each_robot(reduction, reduction.R.rows)
+    dependent = tuple((N @ Matrix(R)).rows for N, R in zip(reduction.N, drives, strict=True))
+    return tuple(map(Matrix, joined(reduction.part, identity(len(reduction.R.rows[0])).rows, dependent)))
+
+
+def expand(reduction: Reduction, independent: Vector) -> tuple[Vector, Vector]:
+    """u of each robot (5,) from the independent velocities (n,): u = L u^1 of (10)."""
+    drives = of_each_robot(reduction, reduction.R @ independent)
+    return joined(reduction.part, independent, tuple(N @ x for N, x in zip(reduction.N, drives, strict=True)))
+
+
+def restrict(reduction: Reduction, force: tuple[Vector, Vector]) -> Vector:
+    """L^T F (n,): a generalised force on all joints as seen by the independent velocities."""
+    independent, dependent = parted(reduction.part, force)
+    return plus(independent, reduction.R.T @ _on_drives(reduction, dependent))
+
+
+def _on_drives(reduction: Reduction, dependent: tuple[Vector, Vector]) -> Vector:
+    first, second = (N.T @ f for N, f in zip(reduction.N, dependent, strict=True))
+    return (*first, *second)
+
+
+def velocity_map_norm(reduction: Reduction) -> Scalar:
+    """Frobenius norm [-] of L: |L|^2 = n + trace(N^T N R R^T)."""
+    R = reduction.R
+    own = _block_diagonal(*(N.T @ N for N in reduction.N))
+    trace = dot(*(sum(M.rows, ()) for M in (own, R @ R.T)))
+    return jnp.sqrt(sum(map(len, reduction.part.independent)) + trace)
+
+
+def _block_diagonal(first: Matrix, second: Matrix) -> Matrix:
+    m, n = len(first.rows), len(second.rows)
+    return Matrix([*((*row, *(0,) * n) for row in first.rows), *(((0,) * m + row) for row in second.rows)])
+
+
+def least_equivalent(reduction: Reduction, force: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    """The least force on all joints that does to the independent velocities what ``force`` does.
+
+    It is L (L^T L)^-1 L^T force (substitution after (40)). As L = [I; N R] up to order, L^T L = I + R^T N^T N R, and by
+    Woodbury's identity its inverse takes a solve with one unknown for each drive only.
+    """
+    R, N = reduction.R, reduction.N
+    independent, dependent = parted(reduction.part, force)
+    compliance = _block_diagonal(*(inverse_small(M.T @ M)[0] if M.rows else M for M in N))
+    on_drives = _on_drives(reduction, dependent)
+    (change,) = cholesky_solve(compliance + R @ R.T, minus(R @ independent, compliance @ on_drives))
+    rates = of_each_robot(reduction, compliance @ plus(on_drives, change))
+    return joined(
+        reduction.part,
+        minus(independent, R.T @ change),
+        tuple(M @ rate for M, rate in zip(N, rates, strict=True)),
+    )
+
+
+def spread(reduction: Reduction, force: Vector) -> tuple[Vector, Vector]:
+    """The least force on all joints that L^T takes to ``force`` (n,)."""
+    return least_equivalent(reduction, on_independent(reduction.part, force))
+
+
+def on_independent(part: Partition, force: Vector) -> tuple[Vector, Vector]:
+    """A force (n,) on the independent joints, none on the others."""
+    return joined(part, force, tuple((0,) * len(bound) for bound in part.dependent))
 
 
 def dependent_solution(reduction: Reduction, right: Vector) -> tuple[Vector, Vector]:
@@ -115,42 +212,12 @@ def dependent_solution(reduction: Reduction, right: Vector) -> tuple[Vector, Vec
     With right = Jdot u it is Ldot u^1; with right = phi it is the joint correction that removes the drift.
     """
     part, contacts = reduction.part, reduction.rows.contacts
-    full = [[0] * JOINTS, [0] * JOINTS]
-    at_contact = right[:contacts]
-    if part.dependent[1]:
-        x2 = tuple(sub(0, x) for x in reduction.G2_inverse @ right[contacts:])
-        at_contact = plus(at_contact, reduction.N2 @ x2)
-        for joint, value in zip(part.dependent[1], x2, strict=True):
-            full[1][joint] = value
-    x1 = reduction.N1_inverse @ at_contact
-    for joint, value in zip(part.dependent[0], x1, strict=True):
-        full[0][joint] = sub(0, value)
-    return tuple(full[0]), tuple(full[1])
-
-
-def expand(reduction: Reduction, independent: Vector) -> tuple[Vector, Vector]:
-    """u of each robot (5,) from the independent velocities (n,): u = L u^1 of (10)."""
-    return reduction.L[0] @ independent, reduction.L[1] @ independent
-
-
-def restrict(reduction: Reduction, force: tuple[Vector, Vector]) -> Vector:
-    """L^T F (n,): a generalised force on all joints as seen by the independent velocities."""
-    return plus(*(L.T @ f for L, f in zip(reduction.L, force, strict=True)))
-
-
-def spread(reduction: Reduction, force: Vector) -> tuple[Vector, Vector]:
-    """L (L^T L)^-1 F: the least force on all joints that L^T takes back to F (substitution after (40)).
-
-    L = [I; D] up to order, so (I + D^T D)^-1 = I - D^T (I + D D^T)^-1 D needs a solve with one unknown per row only.
-    """
-    D = Matrix(
-        [L.rows[joint] for L, joints in zip(reduction.L, reduction.part.dependent, strict=True) for joint in joints]
-    )
-    size = len(D.rows)
-    gram = Matrix([[dot(D.rows[i], D.rows[j]) for j in range(size)] for i in range(size)])
-    gram = gram + Matrix([[1.0 if i == j else 0 for j in range(size)] for i in range(size)])
-    (y,) = cholesky_solve(gram, D @ force)
-    return expand(reduction, minus(force, D.T @ y))
+    at_contact, at_guide = right[:contacts], right[contacts:]
+    if at_guide:
+        at_contact = plus(at_contact, reduction.carried @ at_guide)
+    solved = (reduction.N1_inverse @ at_contact, reduction.G2_inverse @ at_guide)
+    none = (0,) * sum(map(len, part.independent))
+    return joined(part, none, tuple(tuple(sub(0, x) for x in values) for values in solved))
 
 
 def multipliers(reduction: Reduction, residual: tuple[Vector, Vector]) -> Vector:
@@ -158,13 +225,11 @@ def multipliers(reduction: Reduction, residual: tuple[Vector, Vector]) -> Vector
 
     The same as (J J^T)^-1 J residual, since a residual of the constrained dynamics lies in the range of J^T.
     """
-    part = reduction.part
-    at1 = tuple(residual[0][joint] for joint in part.dependent[0])
-    contact = reduction.N1_inverse.T @ at1
-    if not part.dependent[1]:
+    _, (first, second) = parted(reduction.part, residual)
+    contact = reduction.N1_inverse.T @ first
+    if not second:
         return contact
-    at2 = tuple(residual[1][joint] for joint in part.dependent[1])
-    return contact + reduction.G2_inverse.T @ minus(at2, reduction.N2.T @ contact)
+    return contact + plus(reduction.G2_inverse.T @ second, reduction.carried.T @ contact)
 
 
 def constraint_force(reduction: Reduction, lam: Vector) -> tuple[Vector, Vector]:
@@ -178,6 +243,7 @@ class Kinematics(NamedTuple):
     bodies: Bodies
     reduction: Reduction
     velocity: tuple[Vector, Vector]  # u = L u^1 of each robot (5,)
+    factors: tuple[robot_dynamics.Factors, robot_dynamics.Factors]
     L_rate: tuple[Vector, Vector]  # Ldot u^1 of each robot (5,)
 
 
@@ -193,9 +259,9 @@ def kinematics(
     Args:
         motion: of the object's surface. It adds to what (10) says: u = L u^1 + c with J c = -dphi/dt.
     """
-    b = bodies(model.geometry, position)
+    b = bodies(model.surface, model.geometry, position)
     radius = None if motion is None else motion.radius
-    reduction = reduce(constraint_rows(model.surface, model.geometry, rows, b, radius), rows)
+    reduction = reduce(constraint_rows(model.surface, rows, b, radius), rows)
     velocity = expand(reduction, independent)
     if motion is not None:
         carried = dependent_solution(reduction, _in_normal_row(rows, motion.phi_rate))
@@ -203,80 +269,12 @@ def kinematics(
     bias = convective(model.surface, model.geometry, rows, b, velocity)
     if motion is not None:
         bias = plus(bias, _in_normal_row(rows, motion.phi_acceleration))
-    return Kinematics(b, reduction, velocity, dependent_solution(reduction, bias))
+    factors = tuple(
+        robot_dynamics.factors(g, model.gravity, arm, T @ u)
+        for g, arm, T, u in zip(model.geometry, b.arm, b.T, velocity, strict=True)
+    )
+    return Kinematics(b, reduction, velocity, factors, dependent_solution(reduction, bias))
 
 
 def _in_normal_row(rows: tuple[str, ...], value: Scalar) -> Vector:
     return tuple(value if name == "contact_normal" else 0 for name in rows)
-
-
-class Accelerations(NamedTuple):
-    """Solution of the constrained dynamics at one instant."""
-
-    independent: Vector  # du^1/dt (n,)
-    full: tuple[Vector, Vector]  # udot of each robot (5,)
-    multipliers: Vector  # lambda (m,) [N]
-
-
-def constrained_accelerations(
-    model: Model,
-    k: Kinematics,
-    force: tuple[Vector, Vector],
-    friction: tuple[Vector, Vector] | None = None,
-) -> Accelerations:
-    """(11) under a generalised force (B tau - d of each robot, constraint forces left out), and lambda of (9).
-
-    Args:
-        friction: further force of each robot (5,) for each newton of |lambda_n|: Coulomb friction of the contact.
-    """
-    dynamics = robot_dynamics(model, model.plant, k)
-    at_rest = tuple(minus(f, h) for f, h in zip(force, _required_force(dynamics, k, k.L_rate), strict=True))
-    pushes = (at_rest,) if friction is None else (at_rest, friction)
-    solutions = cholesky_solve(reduced_inertia(k, dynamics), *(restrict(k.reduction, f) for f in pushes))
-    # M L u1dot less the push, with everything that does not depend on u1dot already in the push.
-    left = tuple(
-        _less(_inertial_force(dynamics, k, expand(k.reduction, solution)), push)
-        for solution, push in zip(solutions, pushes, strict=True)
-    )
-    lam = tuple(multipliers(k.reduction, residual) for residual in left)
-    independent, forces = solutions[0], lam[0]
-    if friction is not None:
-        # lambda = free + |lambda_n| per_newton is piecewise linear in lambda_n, whose sign is that of its free value.
-        free, per_newton = lam
-        load = jnp.abs(free[0]) / (1.0 - jnp.sign(free[0]) * per_newton[0])
-        independent = plus(independent, scaled(load, solutions[1]))
-        forces = plus(free, scaled(load, per_newton))
-    full = tuple(plus(x, y) for x, y in zip(expand(k.reduction, independent), k.L_rate, strict=True))
-    return Accelerations(independent, full, forces)
-
-
-def _less(a: tuple[Vector, Vector], b: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-    return tuple(minus(x, y) for x, y in zip(a, b, strict=True))
-
-
-def _required_force(dynamics: tuple, k: Kinematics, acceleration: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-    """M udot + C u + G of each robot."""
-    return tuple(robot.inverse_dynamics(d, T, a) for d, T, a in zip(dynamics, k.bodies.T, acceleration, strict=True))
-
-
-def _inertial_force(dynamics: tuple, k: Kinematics, acceleration: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-    """M udot of each robot."""
-    return tuple(T.T @ (d.inertia @ (T @ a)) for d, T, a in zip(dynamics, k.bodies.T, acceleration, strict=True))
-
-
-def reduced_inertia(k: Kinematics, dynamics: tuple[robot.Dynamics, robot.Dynamics]) -> Matrix:
-    """Mr = L^T M L (n x n) of (11), as (T L)^T M (T L) with M in body rates, where it is sparsest."""
-    first, second = (congruence(T @ L, d.inertia) for T, L, d in zip(k.bodies.T, k.reduction.L, dynamics, strict=True))
-    return first + second
-
-
-def robot_dynamics(
-    model: Model, lumped: tuple[robot.Lumped, robot.Lumped], k: Kinematics
-) -> tuple[robot.Dynamics, robot.Dynamics]:
-    """Inertia and bias of both robots, for the plant's or the controller's lumped parameters."""
-    return tuple(
-        robot.dynamics(m, g, model.gravity, p, arm, T, u)
-        for m, g, p, arm, T, u in zip(
-            lumped, model.geometry, k.bodies.position, k.bodies.arm, k.bodies.T, k.velocity, strict=True
-        )
-    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from coopmm_jax import robot
+from coopmm_jax import robot, robot_dynamics
 from coopmm_jax.components import Scalar, Vector
 from coopmm_jax.parameters import Disturbance, Gains, Geometry, Hardware, Parameters, Reference, Surface
 
@@ -15,8 +15,8 @@ class Model(NamedTuple):
     geometry: tuple[Geometry, Geometry]
     surface: Surface
     gravity: Scalar
-    plant: tuple[robot.Lumped, robot.Lumped]
-    nominal: tuple[robot.Lumped, robot.Lumped]  # the controller's
+    plant: tuple[robot_dynamics.Lumped, robot_dynamics.Lumped]
+    nominal: tuple[robot_dynamics.Lumped, robot_dynamics.Lumped]  # the controller's
     gains: Gains
     disturbance: Disturbance
     reference: Reference
@@ -36,8 +36,8 @@ def build_model(parameters: Parameters) -> Model:
         geometry=plant.geometry,
         surface=plant.surface,
         gravity=plant.gravity,
-        plant=tuple(map(robot.lump, plant.geometry, plant.inertia)),
-        nominal=tuple(map(robot.lump, plant.geometry, parameters.nominal)),
+        plant=tuple(map(robot_dynamics.lump, plant.geometry, plant.inertia)),
+        nominal=tuple(map(robot_dynamics.lump, plant.geometry, parameters.nominal)),
         gains=parameters.gains,
         disturbance=parameters.disturbance,
         reference=parameters.reference,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 
-from coopmm_jax import coupling, robot
+from coopmm_jax import constrained_dynamics, coupling, robot
 from coopmm_jax.actuators import friction_torque, smooth_sign
 from coopmm_jax.components import Scalar, Vector, dot, minus, plus, scaled, sincos
 from coopmm_jax.constraints import sliding_rows, surface_motion
@@ -49,7 +49,7 @@ def plant_kinematics(
 
 def respond(
     structure: Structure, model: Model, t: Scalar, k: coupling.Kinematics, force: tuple[Vector, Vector]
-) -> coupling.Accelerations:
+) -> constrained_dynamics.Accelerations:
     """Accelerations and multipliers under a generalised actuator force B tau of each robot (5,)."""
     opposing = disturbance_torque(model.disturbance, t)
     driving = []
@@ -59,7 +59,7 @@ def respond(
             losses = plus(opposing, friction_torque(model.hardware, robot.actuator_rates(g, p, u)))
         driving.append(minus(f, robot.actuator_force(g, p, losses)))
     friction = _tip_friction(model, k) if "tip_friction" in structure.features else None
-    return coupling.constrained_accelerations(model, k, tuple(driving), friction)
+    return constrained_dynamics.constrained_accelerations(model, k, tuple(driving), friction)
 
 
 def _tip_friction(model: Model, k: coupling.Kinematics) -> tuple[Vector, Vector]:
@@ -67,7 +67,7 @@ def _tip_friction(model: Model, k: coupling.Kinematics) -> tuple[Vector, Vector]
 
     It acts along the arc; where no groove holds the tip's height, sliding up and down is free of it.
     """
-    rows = sliding_rows(model.surface, model.geometry, k.bodies)
+    rows = sliding_rows(model.surface, k.bodies)
     speed = sum(dot(row, u) for row, u in zip(rows, k.velocity, strict=True))
     share = -model.hardware.tip_friction * smooth_sign(speed, model.hardware.slip_speed)
     return tuple(scaled(share, row) for row in rows)

@@ -16,11 +16,13 @@ import numpy as np
 from coopmm_jax import coupling, robot
 from coopmm_jax.closed_loop import State, closed_loop
 from coopmm_jax.components import Scalar, Vector, dot, minus, norm
+from coopmm_jax.constrained_dynamics import both_dynamics, reduced_inertia, required_force
 from coopmm_jax.control import adaptive, backstepping, motion
 from coopmm_jax.model import Model, build_model
 from coopmm_jax.parameters import Gains, Parameters, Structure
 from coopmm_jax.plant import disturbance_torque
 from coopmm_jax.reference import desired_motion
+from coopmm_jax.robot_dynamics import Lumped
 
 # States evaluated together: few enough to stay below 0.3 GB, many enough that the cost of a call does not count.
 _TILE = 4096
@@ -95,8 +97,7 @@ def _evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> Pr
     acceleration = minus(minus(rates.velocity, sigma_rate), damping)
 
     k = coupling.kinematics(model, structure.rows, state.position, state.velocity)
-    position_rates = motion.position_rates(state.position, k.velocity)
-    f = motion.regressors(k.reduction, acceleration, state.velocity, position_rates)
+    f = motion.regressors(k, acceleration, state.velocity)
     first, second = motion.split(part, sigma)
     platform_error = first[:2] + second[:2]  # sigma has no integral there
     signal, decay = _platform_terms(model, t, state)
@@ -114,7 +115,7 @@ def _evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> Pr
         sigma_rate=like(sigma_rate),
         independent=like(state.velocity),
         acceleration=like(acceleration),
-        speed=norm((*position_rates[0], *position_rates[1])),
+        speed=motion.coordinate_speed(k, state.velocity),
         disturbance=like(coupling.restrict(k.reduction, disturbing)),
         disturbance_size=norm(disturbing[0] + disturbing[1]),
         robust=like(_robust_terms(structure, gains, f, sigma, state.memory.c_hat, platform_error, signal, t)),
@@ -181,7 +182,7 @@ def _robust_terms(
     return (*(only(j) for j in range(len(f))), U26)
 
 
-def _reduced(structure: Structure, model: Model, lumped: tuple[robot.Lumped, robot.Lumped], state: State) -> Reduced:
+def _reduced(structure: Structure, model: Model, lumped: tuple[Lumped, Lumped], state: State) -> Reduced:
     """The reduced dynamics with the plant's or the controller's lumped parameters.
 
     The bias Cr u^1 + Gr is evaluated at rest and one unit to either side of u^1 in each direction, all at once along a
@@ -194,8 +195,7 @@ def _reduced(structure: Structure, model: Model, lumped: tuple[robot.Lumped, rob
     position = jax.tree.map(lambda x: x[None], state.position)
 
     k = coupling.kinematics(model, structure.rows, position, trials)
-    dynamics = coupling.robot_dynamics(model, lumped, k)
-    bias = tuple(robot.inverse_dynamics(*each) for each in zip(dynamics, k.bodies.T, k.L_rate, strict=True))
-    M = _stacked(position[0].z1, coupling.reduced_inertia(k, dynamics).rows)
-    h = _stacked(trials[0], coupling.restrict(k.reduction, bias))
+    dynamics = both_dynamics(lumped, k)
+    M = _stacked(position[0].z1, reduced_inertia(k, dynamics).rows)
+    h = _stacked(trials[0], coupling.restrict(k.reduction, required_force(dynamics, k.L_rate)))
     return Reduced(M[:, :, 0], 0.25 * (h[:, 1 : n + 1] - h[:, n + 1 :]), h[:, 0])

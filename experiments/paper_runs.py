@@ -44,7 +44,7 @@ def coupling_blocks() -> Figures:
     with jax.enable_x64(True):
         position, velocity = jax.tree.map(jnp.asarray, (state.position, state.velocity))
         k = coupling.kinematics(model, structure.rows, position, velocity)
-        L1, (J1, _) = k.reduction.L[0], k.reduction.rows.J
+        (L1, _), (J1, _) = coupling.velocity_maps(k.reduction), k.reduction.rows.J
         dependent = k.reduction.part.dependent[0]
         block = np.array([[np.broadcast_to(x, t.shape) for x in L1.rows[joint][3:]] for joint in dependent])
         missing = [sum(x * u for x, u in zip(L1.rows[joint][3:], velocity[3:], strict=True)) for joint in dependent]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coopmm_jax import constraints, coupling
+from coopmm_jax import constrained_dynamics, constraints, coupling
 from tests.oracles import lagrangian
 from tests.samples import (
     ROW_SETS,
@@ -75,15 +75,15 @@ def test_restriction_is_the_transpose_of_the_velocity_map(case):
 
 
 def test_reduced_inertia(case):
-    terms = coupling.robot_dynamics(case.model, case.model.plant, case.kinematics)
-    Mr = coupling.reduced_inertia(case.kinematics, terms)
+    terms = constrained_dynamics.both_dynamics(case.model.plant, case.kinematics)
+    Mr = constrained_dynamics.reduced_inertia(case.kinematics, terms)
     assert_close(np.array(Mr.rows, dtype=float), lagrangian.reduced_terms(case.rows, case.terms)[0], 5e-15)
 
 
 def test_accelerations_and_multipliers(case):
     force = case.rng.uniform(-20, 20, 10)
     u_dot, lam = lagrangian.multiplier_solution(case.terms, force)
-    moved = coupling.constrained_accelerations(case.model, case.kinematics, pair(force))
+    moved = constrained_dynamics.constrained_accelerations(case.model, case.kinematics, pair(force))
     independent = [i for i in range(10) if i not in lagrangian.dependent_joints(case.rows)]
     assert_close(vector(moved.independent), u_dot[independent], 8e-14)
     assert_close(joined(moved.full), u_dot, 8e-14)

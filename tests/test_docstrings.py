@@ -27,7 +27,8 @@ IMPLEMENTED = {
     "control.backstepping": {8, 12, 13, 14, 15},
     "control.force": {17},
     "control.motion": {8, 12, 13, 15, 17, 18, 19},
-    "coupling": {9, 10, 11},
+    "coupling": {10, 40},
+    "constrained_dynamics": {9, 11},
     "lyapunov": {31, 40},
     "parameters": set(range(12, 25)),
     "plant": {1, 2, 11},
@@ -36,7 +37,8 @@ IMPLEMENTED = {
     "plotting.motion": {6},
     "proof_terms": set(range(30, 41)),
     "reference": {6, 12, 13},
-    "robot": {5, 6, 7, 8, 9},
+    "robot": {6, 7, 8, 9},
+    "robot_dynamics": {5, 9},
 }
 BAD = '''
 """A module on (3) and (5)-(7)."""

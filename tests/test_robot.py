@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax import robot
+from coopmm_jax import robot, robot_dynamics
 from coopmm_jax.components import dot
 from coopmm_jax.parameters import Pose
 from tests.oracles import lagrangian, mujoco_tree
@@ -28,10 +28,12 @@ def equation_of_motion(geometry, inertia, q, u):
     """M_i2 (5, 5) and C_i2 u + G_i2 (5,) of (9), as the simulator's inverse dynamics has them."""
     position = robot.chained(Pose(*q.tolist()))
     arm, T = robot.posture(geometry, position), robot.body_map(position)
-    terms = robot.dynamics(robot.lump(geometry, inertia), geometry, GRAVITY, position, arm, T, tuple(u.tolist()))
+    velocity = tuple(u.tolist())
+    factors = robot_dynamics.factors(geometry, GRAVITY, arm, T @ velocity)
+    terms = robot_dynamics.dynamics(robot_dynamics.lump(geometry, inertia), factors, position, T, velocity)
 
     def force(acceleration):
-        return robot.inverse_dynamics(terms, T, acceleration)
+        return robot_dynamics.inverse_dynamics(terms, acceleration)
 
     at_rest = (0.0,) * 5
     return np.array(jax.jacfwd(force)(at_rest), dtype=float), vector(force(at_rest))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import jax
 
-from coopmm_jax import coupling, robot
+from coopmm_jax import constrained_dynamics, coupling, robot
 from coopmm_jax.components import Scalar, Vector, minus, norm, plus, scaled
 from coopmm_jax.control import adaptive, backstepping
 from coopmm_jax.model import Model
@@ -136,7 +136,7 @@ def motion_control(
     acceleration = minus(errors.nu_rate, damping)
     utilde = split(part, errors.utilde)
 
-    f = regressors(k.reduction, acceleration, independent, rates)
+    f = regressors(k, acceleration, independent)
     signal = sum((backstepping.coupling_signal(gains, d, p) for d, p in zip(targets, position, strict=True)), ())
     platform_error = utilde[0][:2] + utilde[1][:2]
     U2 = adaptive.robust_force(structure, gains, f, errors.sigma, memory.c_hat, platform_error, signal, t)
@@ -149,29 +149,38 @@ def motion_control(
     )
 
 
-def regressors(
-    reduction: coupling.Reduction, acceleration: Vector, independent: Vector, rates: tuple
-) -> adaptive.Regressors:
-    """f_k of (19); |zetadot| is over all twelve coordinates, |L| is the Frobenius norm.
+def coordinate_speed(k: coupling.Kinematics, independent: Vector) -> Scalar:
+    """|zetadot| over all twelve coordinates: (8) makes each of them a velocity u, but for z2dot = u1 z3.
 
     Args:
-        acceleration: nudot - K_sigma sigma (n,). independent: u^1 (n,). rates: of all coordinates.
+        independent: u^1 (n,), as in ``k.velocity``.
+    """
+    _, dependent = coupling.parted(k.reduction.part, k.velocity)
+    lateral = tuple(u[0] * p.z3 for u, p in zip(k.velocity, k.bodies.position, strict=True))
+    return norm((*independent, *dependent[0], *dependent[1], *lateral))
+
+
+def regressors(k: coupling.Kinematics, acceleration: Vector, independent: Vector) -> adaptive.Regressors:
+    """f_k of (19); |L| is the Frobenius norm.
+
+    Args:
+        acceleration: nudot - K_sigma sigma (n,). independent: u^1 (n,).
     """
     speed = norm(independent)
     return adaptive.Regressors(
         inertia=norm(acceleration),
         coriolis=speed,
-        coriolis_rate=norm((*rates[0], *rates[1])) * speed,
+        coriolis_rate=coordinate_speed(k, independent) * speed,
         gravity=1.0,
-        disturbance=norm(sum((row for L in reduction.L for row in L.rows), ())),
+        disturbance=coupling.velocity_map_norm(k.reduction),
     )
 
 
 def _nominal_force(model: Model, k: coupling.Kinematics, acceleration: Vector) -> tuple[Vector, Vector]:
     """M0 (L (nudot - K_sigma sigma) + Ldot u^1) + h0 on each robot; L^T times it is U1 of (18)."""
     wanted = tuple(plus(a, b) for a, b in zip(coupling.expand(k.reduction, acceleration), k.L_rate, strict=True))
-    dynamics = coupling.robot_dynamics(model, model.nominal, k)
-    return tuple(robot.inverse_dynamics(d, T, a) for d, T, a in zip(dynamics, k.bodies.T, wanted, strict=True))
+    dynamics = constrained_dynamics.both_dynamics(model.nominal, k)
+    return constrained_dynamics.required_force(dynamics, wanted)
 
 
 def _on_all_joints(
@@ -180,4 +189,6 @@ def _on_all_joints(
     """F with L^T F = U1 + U2: ``projected`` as substituted after (40), ``full`` as in (17)."""
     if structure.feedforward == "full":
         return tuple(plus(a, b) for a, b in zip(nominal_force, coupling.spread(reduction, U2), strict=True))
-    return coupling.spread(reduction, plus(coupling.restrict(reduction, nominal_force), U2))
+    robust = coupling.on_independent(reduction.part, U2)
+    both = tuple(plus(a, b) for a, b in zip(nominal_force, robust, strict=True))
+    return coupling.least_equivalent(reduction, both)
