@@ -1,4 +1,4 @@
-"""A pytree of scalars as one vector, for results that a scan stacks step by step and for what one rollout carries.
+"""A pytree of scalars as one vector, for results that a scan stacks step by step and for what a loop carries.
 
 XLA writes a scan's output in place, but with multi-output fusion on the CPU (see ``runtime.use_fast_compilation``) it
 merges the writes of many outputs into one loop, and that one copies all of them at every step: 20 000 steps then take
@@ -27,11 +27,16 @@ class Packed:
     def of(cls, tree: Any, dtype: Any) -> Packed:
         """Pack a pytree of scalars, each converted to ``dtype``."""
         leaves, structure = jax.tree.flatten(tree)
-        return cls(jnp.stack([jnp.asarray(leaf, dtype) for leaf in leaves]), structure)
+        return cls(jnp.stack([jnp.asarray(leaf, dtype) for leaf in leaves]) if leaves else jnp.zeros(0), structure)
 
     def unpack(self) -> Any:
-        """The pytree again, each leaf with the axes that were put before the last one."""
-        return jax.tree.unflatten(self.structure, [self.values[..., i] for i in range(self.values.shape[-1])])
+        """The pytree again, each leaf with the axes that were put before the last one.
+
+        By one split, whose transpose is one concatenation: that of an index would pad each leaf to the whole vector.
+        """
+        axis, count = self.values.ndim - 1, self.structure.num_leaves
+        columns = jax.lax.split(self.values, (1,) * count, axis) if count else ()
+        return jax.tree.unflatten(self.structure, [jnp.squeeze(column, axis) for column in columns])
 
     def tree_flatten(self) -> tuple[tuple[Any], Any]:
         """What JAX traces, and what it compares."""

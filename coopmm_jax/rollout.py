@@ -18,7 +18,8 @@ from coopmm_jax import coupling, robot
 from coopmm_jax.closed_loop import Signals, State, closed_loop
 from coopmm_jax.components import Scalar, plus
 from coopmm_jax.control.motion import Memory
-from coopmm_jax.integrate import rk4_step, scan_segments
+from coopmm_jax.integrate import recomputed, rk4_step, scan_segments
+from coopmm_jax.loop_form import Form, Scalars, Vectors
 from coopmm_jax.model import Model, build_model
 from coopmm_jax.packed import Packed
 from coopmm_jax.parameters import Parameters, Structure
@@ -34,10 +35,8 @@ _START_TOLERANCE = 1e-9  # [m]
 class Plan(NamedTuple):
     """Static shape of a rollout: segments of a fixed number of steps, so that the horizon itself can be traced.
 
-    One report is kept per segment (its first step), and with ``checkpoint`` one state for the reverse pass. ``packed``
-    is for a rollout by itself: the ideal loop then carries its state and model as two vectors instead of a buffer for
-    each of two hundred scalars, runs a seventh faster and compiles in three quarters of the time. Under vmap entries of
-    these vectors would lie apart, and a gradient would pad each of them: there it costs more than it gains.
+    One report is kept per segment (its first step), and with ``checkpoint`` one state for the reverse pass, which else
+    keeps 1.4 kB of each step. ``packed`` is for a rollout by itself and for every gradient (``loop_form``).
     """
 
     segments: int
@@ -52,7 +51,7 @@ class Plan(NamedTuple):
 
 
 class Observer(NamedTuple):
-    """What to accumulate along a rollout: a start value and how one sample adds to it."""
+    """What to accumulate along a rollout: a start value, a pytree of scalars, and how one sample adds to it."""
 
     start: Any
     update: Callable[[Any, Scalar, Signals], Any]  # (total, t, signals) -> total
@@ -129,48 +128,72 @@ def rollout(
     reachable = residual < max(_START_TOLERANCE, 30.0 * float(jnp.finfo(dtype).eps))
     health = Health(jnp.where(reachable, Status.OK.value, Status.UNREACHABLE.value).astype(jnp.int32), jnp.int32(0))
 
-    field = functools.partial(closed_loop, structure, model)
-    packed = plan.packed and not structure.substeps
-    if packed:
-        field, state = _packed_field(structure, model, state, dtype)
+    form = Scalars()
+    if plan.packed:
+        form = Vectors(dtype, functools.partial(_all_that_is_read, state, determinants, observer, record))
+    settle = recomputed(functools.partial(_settle, form, observer, steps))  # keeps the inputs, each one vector
 
     def advance(carry: tuple, i: Scalar) -> tuple[tuple, Any]:
         state, total, health = carry
         t = i.astype(dtype) * step
-        if structure.substeps:
-            proposed, signals = sampled_step(structure, model, i, t, step, state)
-        else:
-            proposed, signals = rk4_step(field, t, step, state)
+        proposed, signals = _step(structure, model, form, i, t, step, state)
         running = (health.status == 0) & (i <= steps)  # what the plan has room for beyond the horizon cannot fail
-        reached = proposed.unpack() if packed else proposed
-        status = jnp.where(running, judge(reached, signals, determinants), health.status)
+        now = judge(form.unpack(proposed), form.unpack_read(signals), determinants)
+        status = jnp.where(running, now, health.status)
         failed = (status != 0) & (health.status == 0)
-        sampled = (status == 0) & (i <= steps)
-        if observer is not None:
-            total = _choose(sampled, observer.update(total, t, signals), total)
-        state = _choose((status == 0) & (i < steps), proposed, state)
-        health = Health(status, jnp.where(failed, i, health.step))
-        return (state, total, health), Packed.of((t, signals), dtype) if record else None
+        state, total = settle(status, i, t, (state, total), proposed, signals)
+        report = Packed.of((t, form.unpack_read(signals)), dtype) if record else None
+        return (state, total, Health(status, jnp.where(failed, i, health.step))), report
 
-    carry = (state, observer.start if observer is not None else None, health)
+    carry = (form.pack(state), form.pack(observer.start) if observer else None, health)
     (state, total, health), reports = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint)
-    state = state.unpack() if packed else state
-    return Rollout(state, total, health, reports.unpack() if record else None)
+    total = _total(form, observer, total) if observer else None
+    return Rollout(form.unpack(state), total, health, reports.unpack() if record else None)
 
 
-def _packed_field(structure: Structure, model: Model, state: State, dtype: Any) -> tuple[Callable, Packed]:
-    """``closed_loop`` and its first state, with state and model as one vector each.
+def _step(
+    structure: Structure, model: Model, form: Form, i: Scalar, t: Scalar, step: Scalar, state: Any
+) -> tuple[Any, Any]:
+    """The state after step i and the signals before it, in the loop's form."""
+    if structure.substeps:
+        return sampled_step(structure, model, form, i, t, step, state)
 
-    The barrier ties the reading to the stage: otherwise XLA reads ahead of the loop and carries every scalar after all.
-    """
-    constants = Packed.of(model, dtype)
+    def field(constants: tuple, t: Scalar, state: State) -> tuple[State, Signals]:
+        return closed_loop(structure, Model(*constants), t, state)
 
-    def field(t: Scalar, at: Packed) -> tuple[Packed, Signals]:
-        read, t = jax.lax.optimization_barrier((constants, t))
-        rates, signals = closed_loop(structure, read.unpack(), t, at.unpack())
-        return Packed.of(rates, dtype), signals
+    return rk4_step(form.field(field, model, form.pack_read), t, step, state)
 
-    return field, Packed.of(state, dtype)
+
+def _settle(
+    form: Form,
+    observer: Observer | None,
+    steps: Scalar,
+    status: Scalar,
+    i: Scalar,
+    t: Scalar,
+    before: tuple[Any, Any],
+    proposed: Any,
+    signals: Any,
+) -> tuple[Any, Any]:
+    """State and total after step i: unchanged by a step that fails or lies beyond the horizon."""
+    state, total = before
+    if observer is not None:
+        updated = observer.update(_total(form, observer, total), t, form.unpack_read(signals))
+        total = _choose((status == 0) & (i <= steps), form.pack(updated), total)
+    return _choose((status == 0) & (i < steps), proposed, state), total
+
+
+def _total(form: Form, observer: Observer, carried: Any) -> Any:
+    """The observer's total, counts and flags as what they were at the start."""
+    return jax.tree.map(lambda x, start: x.astype(jnp.result_type(start)), form.unpack(carried), observer.start)
+
+
+def _all_that_is_read(
+    state: State, determinants: tuple[Scalar, ...], observer: Observer | None, record: bool, signals: Signals
+) -> Any:
+    """Everything that a step makes of its signals."""
+    update = observer.update(observer.start, jnp.zeros_like(determinants[0]), signals) if observer else None
+    return judge(state, signals, determinants), update, signals if record else None
 
 
 def _choose(condition: Scalar, new: Any, old: Any) -> Any:

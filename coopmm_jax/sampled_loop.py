@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from coopmm_jax import coupling, plant, robot
-from coopmm_jax.closed_loop import Devices, Signals, State, act, ideal_sensing, observe, torque_rates
+from coopmm_jax.closed_loop import Devices, State, act, ideal_sensing, observe, torque_rates
 from coopmm_jax.components import Scalar, Vector, minus, plus
 from coopmm_jax.control.motion import Memory, motion_control
 from coopmm_jax.integrate import recomputed, rk4_hold
+from coopmm_jax.loop_form import Form
 from coopmm_jax.model import Model
 from coopmm_jax.parameters import Structure
 from coopmm_jax.reference import desired_force
@@ -53,35 +54,44 @@ class _Motion(NamedTuple):
 
 
 def sampled_step(
-    structure: Structure, model: Model, sample: Scalar, t: Scalar, period: Scalar, state: State
-) -> tuple[State, Signals]:
+    structure: Structure,
+    model: Model,
+    form: Form,
+    sample: Scalar,
+    t: Scalar,
+    period: Scalar,
+    state: Any,
+) -> tuple[Any, Any]:
     """One control period: sample at t, act, integrate the robots under held torque by ``substeps`` RK4 steps.
 
     Memory (adaptation, integrals, eta) moves by one Euler step per sample, as a control computer would do it.
 
     Args:
-        sample: number of this sample. period: control period [s].
+        form: of ``state``, a ``State``, and of what comes back. sample: number of this sample. period: control
+            period [s].
 
     Returns:
         The state at t + period, and the signals at t, just after the torque has been set.
     """
 
-    def decide(t: Scalar, state: State) -> tuple:
+    def decide(constants: tuple, t: Scalar, state: State) -> tuple:
+        model = Model(*constants)
         truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity)
         seen, independent, noise = _measure(structure, model, sample, truth, state)
         command = motion_control(structure, model, t, seen, independent, state.memory)
         action = act(structure, model, t, truth, seen, command, state)
         rates = Memory(command.integral_rate, command.eta_rate, command.c_hat_rate, action.measured_error)
-        return action.target, rates, noise, observe(structure, model, truth, state, command.sigma, action)
+        return (action.target, rates, noise), observe(structure, model, truth, state, command.sigma, action)
 
-    target, rates, noise, signals = recomputed(decide)(t, state)
-    moved, forces = _hold(structure, model, t, period, state, target)
+    decision, signals = recomputed(form.field(decide, model, form.pack_read))(t, state)
+    (target, rates, noise), signals, state = form.unpack(decision), form.unpack_read(signals), form.unpack(state)
+    moved, forces = _hold(structure, model, form, t, period, state, target)
     memory = jax.tree.map(lambda x, rate: x + period * rate, state.memory, rates)
     devices = sense(structure, model, period, state.devices, forces, noise)._replace(torque=moved.torque)
     # The multipliers of the first integration stage are computed anyway; those of ``decide`` then need not be.
     force_error = minus(forces, desired_force(model.reference, structure.rows))
     signals = signals._replace(constraint_force=forces, force_error=force_error)
-    return State(moved.position, moved.velocity, memory, devices), signals
+    return form.pack(State(moved.position, moved.velocity, memory, devices)), form.pack_read(signals)
 
 
 def _measure(
@@ -99,12 +109,20 @@ def _measure(
 
 
 def _hold(
-    structure: Structure, model: Model, t: Scalar, period: Scalar, state: State, target: tuple[Vector, Vector]
+    structure: Structure,
+    model: Model,
+    form: Form,
+    t: Scalar,
+    period: Scalar,
+    state: State,
+    target: tuple[Vector, Vector],
 ) -> tuple[_Motion, Vector]:
     """Robots and actuators over one period under a constant torque command; also lambda (m,) at its start."""
     lagging = "actuator_lag" in structure.features
 
-    def field(at: Scalar, x: _Motion) -> tuple[_Motion, Vector]:
+    def field(constants: tuple, at: Scalar, x: _Motion) -> tuple[_Motion, Vector]:
+        *parts, target = constants
+        model = Model(*parts)
         k = plant.plant_kinematics(structure, model, at, x.position, x.velocity)
         applied = (tuple(x.torque[:5]), tuple(x.torque[5:])) if lagging else target
         force = tuple(map(robot.actuator_force, model.geometry, x.position, applied))
@@ -113,7 +131,9 @@ def _hold(
         return _Motion(plant.rates_without_drift(k), moved.independent, torque), moved.multipliers
 
     start = _Motion(state.position, state.velocity, state.devices.torque)
-    return rk4_hold(field, t, period / structure.substeps, structure.substeps, start)
+    held = form.field(field, (*model, target))
+    end, forces = rk4_hold(held, t, period / structure.substeps, structure.substeps, form.pack(start))
+    return form.unpack(end), form.unpack(forces)
 
 
 def sense(

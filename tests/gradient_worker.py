@@ -59,7 +59,7 @@ def main():
     runtime.use_fast_compilation()
     jax.config.update("jax_enable_x64", True)
     gains = {name: tuple(map(float, getattr(PAPER.gains, name))) for name in NAMES}
-    plain, checkpointed = Plan.covering(STEPS, 1000), Plan.covering(STEPS, 50, checkpoint=True)
+    plain, checkpointed = Plan.covering(STEPS, 1000), Plan.covering(STEPS, 50, checkpoint=True, packed=True)
     reverse = jax.jit(jax.value_and_grad(lambda x: cost(x, checkpointed))).lower(gains).compile()
     checkpointed_value, gradient = reverse(gains)
     function = jax.jit(lambda x: cost(x, plain))

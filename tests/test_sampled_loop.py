@@ -10,6 +10,7 @@ from scipy import stats
 from scipy.integrate import solve_ivp
 
 from coopmm_jax.integrate import rk4_hold
+from coopmm_jax.loop_form import Scalars
 from coopmm_jax.model import build_model
 from coopmm_jax.parameters import ALL_ROWS, Hardware, Parameters, Structure
 from coopmm_jax.plant import disturbance_torque
@@ -92,9 +93,8 @@ def one_period(structure, moving, period):
     """State after one period and signals, operation by operation, so that equal arithmetic gives equal bits."""
     parameters, state = moving
     with jax.disable_jit():
-        return sampled_step(
-            structure, build_model(parameters), jnp.int32(7), jnp.asarray(NOW), jnp.asarray(period), state
-        )
+        now, period = jnp.asarray(NOW), jnp.asarray(period)
+        return sampled_step(structure, build_model(parameters), Scalars(), jnp.int32(7), now, period, state)
 
 
 def oracle_rates(plant, disturbance, torque, t, state):

@@ -1,0 +1,88 @@
+"""A loop on vectors does what the loop on scalars does, and packs only what is read."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from coopmm_jax.integrate import rk4_step
+from coopmm_jax.loop_form import Scalars, Vectors
+from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.rollout import Observer, Plan, rollout
+
+
+class Spring(NamedTuple):
+    """A state of nested scalars."""
+
+    at: tuple[float, float]
+    speed: float
+
+
+CONSTANTS = ({"stiffness": 3.0}, (0.1, 0.2))
+START = Spring((1.0, -0.5), 0.3)
+
+
+def spring_rates(constants, t, state):
+    """Rates, and signals of which only the first is read."""
+    stiffness, (damping, push) = constants[0]["stiffness"], constants[1]
+    force = -stiffness * sum(state.at) - damping * state.speed + push * t
+    return Spring((state.speed, 2.0 * state.speed), force), {"force": force, "idle": (jnp.exp(force), state.speed)}
+
+
+def first_signal(signals):
+    return signals["force"] ** 2
+
+
+def one_step(form, constants):
+    """State after one step, and the signals before it."""
+    start = form.pack(jax.tree.map(jnp.asarray, START))
+    state, signals = rk4_step(form.field(spring_rates, constants, form.pack_read), 0.7, 0.1, start)
+    return form.unpack(state), form.unpack_read(signals)
+
+
+@pytest.fixture
+def vectors():
+    return Vectors(float, first_signal)
+
+
+def test_vectors_do_what_scalars_do(vectors):
+    on_scalars, on_vectors = one_step(Scalars(), CONSTANTS), one_step(vectors, CONSTANTS)
+    np.testing.assert_allclose(jax.tree.leaves(on_vectors[0]), jax.tree.leaves(on_scalars[0]), rtol=4e-16)
+    assert float(on_vectors[1]["force"]) == pytest.approx(float(on_scalars[1]["force"]), rel=4e-16)
+
+
+def test_gradients_agree(vectors):
+    def cost(constants, form):
+        state, signals = one_step(form, constants)
+        return first_signal(signals) + sum(x**2 for x in (*state.at, state.speed))
+
+    on_scalars, on_vectors = (jax.grad(cost)(CONSTANTS, form) for form in (Scalars(), vectors))
+    np.testing.assert_allclose(jax.tree.leaves(on_vectors), jax.tree.leaves(on_scalars), rtol=1e-15)
+
+
+def test_only_what_is_read_is_packed(vectors):
+    _, signals = spring_rates(CONSTANTS, 0.7, START)
+    packed = vectors.pack_read(signals)
+    assert packed.values.shape == (1,)
+    back = vectors.unpack_read(packed)
+    assert float(back["force"]) == pytest.approx(float(signals["force"]), rel=1e-15)
+    assert [float(x) for x in back["idle"]] == [0.0, 0.0]
+
+
+def test_totals_keep_their_types():
+    """An observer may count and remember: on vectors, too, its total is of whole numbers and flags."""
+
+    def update(total, t, signals):
+        count, ever, largest = total
+        return count + 1, ever | (t > 1.5e-3), jnp.maximum(largest, jnp.abs(signals.sigma[0]))
+
+    observer = Observer((jnp.int32(0), jnp.asarray(False), jnp.zeros(())), update)
+    plans = [Plan(1, 4, packed=packed) for packed in (False, True)]
+    plain, packed = (
+        jax.jit(lambda plan=plan: rollout(Structure(), Parameters(), 1e-3, 3, plan, observer).total)() for plan in plans
+    )
+    assert [x.dtype for x in packed] == [jnp.int32, bool, float]
+    assert (int(packed[0]), bool(packed[1])) == (4, True)
+    assert float(packed[2]) == pytest.approx(float(plain[2]), rel=1e-12)
