@@ -9,15 +9,14 @@ import pickle
 import sys
 from pathlib import Path
 
-import jax
 import numpy as np
 
 import coopmm_jax as cm
-from coopmm_jax import runtime
 from coopmm_jax.cli import main as coopmm
 from coopmm_jax.gains_file import read_gains
 from coopmm_jax.sampling import sampler
 from coopmm_jax.uncertainty import vary
+from tests.workers import start_worker
 from tuning.compare import OWN, compare_gains
 
 SAMPLE = 2
@@ -25,8 +24,7 @@ SAMPLE = 2
 
 def main(folder):
     """Three sets; the same in another order, one of them twice; one sample alone; each set simulated; the command."""
-    runtime.use_fast_compilation()
-    jax.config.update("jax_enable_x64", True)
+    start_worker()
     scenario = cm.load_scenario(folder / "short.toml")
     stiff, other = folder / "stiff.toml", folder / "other.toml"
     with contextlib.redirect_stdout(io.StringIO()) as printed:

@@ -8,12 +8,11 @@ import json
 import sys
 from pathlib import Path
 
-import jax
 import numpy as np
 
 import coopmm_jax as cm
-from coopmm_jax import runtime
 from coopmm_jax.uncertainty import LOWEST
+from tests.workers import start_worker
 from tuning import falsify as module
 from tuning.falsify import SampleCost, falsify, worst_samples
 from tuning.objective import TERMS
@@ -71,8 +70,7 @@ def replayed(found, problem, folder):
 
 def main():
     """Print gradients, the course of a search by each kind of gradient, and what became of its scenario."""
-    runtime.use_fast_compilation()
-    jax.config.update("jax_enable_x64", True)
+    start_worker()
     scenario = cm.load_scenario("paper", **SCENARIO)
     problem = build_problem(scenario)
     found, again = (falsify(scenario, 80, 16) for _ in range(2))

@@ -10,10 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax import runtime
 from coopmm_jax.parameters import Gains, Parameters, Structure
 from coopmm_jax.reference import desired_motion
 from coopmm_jax.rollout import Observer, Plan, rollout
+from tests.workers import start_worker
 
 STEP, STEPS = 1e-3, 20_000
 PAPER = Parameters(gains=Gains(delta_floor=0.01))
@@ -56,8 +56,7 @@ def central_differences(function, gains, relative_step=RELATIVE_STEP):
 
 def main():
     """Print value, reverse, forward, central (19 numbers each, NAMES sorted) and what the reverse pass needs [B]."""
-    runtime.use_fast_compilation()
-    jax.config.update("jax_enable_x64", True)
+    start_worker()
     gains = {name: tuple(map(float, getattr(PAPER.gains, name))) for name in NAMES}
     plain, checkpointed = Plan.covering(STEPS, 1000), Plan.covering(STEPS, 50, checkpoint=True, packed=True)
     reverse = jax.jit(jax.value_and_grad(lambda x: cost(x, checkpointed))).lower(gains).compile()

@@ -8,10 +8,10 @@ import json
 import jax
 import jax.numpy as jnp
 
-from coopmm_jax import runtime
 from coopmm_jax.rollout import Observer, Plan, rollout
 from coopmm_jax.scenario import load_scenario
 from tests.gradient_worker import central_differences, flat
+from tests.workers import start_worker
 
 LIMIT = {"wheel": 20.0, "joint": 4.0}  # [N m], low enough that much of the start is spent at them
 STEP, STEPS = 1e-3, 500
@@ -52,8 +52,7 @@ def results_with(form):
 
 def main():
     """Print ``results_with`` each form of limits."""
-    runtime.use_fast_compilation()
-    jax.config.update("jax_enable_x64", True)
+    start_worker()
     print(json.dumps({form: results_with(form) for form in FORMS}))
 
 

@@ -9,11 +9,8 @@ import pickle
 import subprocess
 import sys
 
-import jax
-
-from coopmm_jax import runtime
 from tests.programs import Program
-from tests.workers import environment
+from tests.workers import environment, start_worker
 
 
 def runs_apart(jobs):
@@ -28,8 +25,7 @@ def runs_apart(jobs):
 
 def main():
     """Jobs from the standard input, runs to the standard output."""
-    runtime.use_fast_compilation()
-    jax.config.update("jax_enable_x64", True)
+    start_worker()
     programs = functools.cache(Program)
     jobs = pickle.load(sys.stdin.buffer)
     pickle.dump({name: programs(structure)(*job) for name, (structure, *job) in jobs.items()}, sys.stdout.buffer)

@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax import runtime
 from coopmm_jax.scenario import load_scenario
 from coopmm_jax.tuning_schema import Bounds
+from tests.workers import start_worker
 from tuning import tiles
 from tuning.objective import TERMS
 from tuning.problem import build_problem
@@ -37,8 +37,7 @@ STEP = 1e-4  # of central differences
 
 def main():
     """Print gradient and central differences (n,), one candidate's costs alone and among eight others, and names."""
-    runtime.use_fast_compilation()
-    jax.config.update("jax_enable_x64", True)
+    start_worker()
     problem = build_problem(load_scenario("sensed", **SCENARIO))
     search, space, samples = problem.training, problem.space, problem.samples(5, 4)
     start = space.start
