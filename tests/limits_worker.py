@@ -37,16 +37,15 @@ def results_with(form):
     parameters = scenario.parameters()
     observer = Observer((jnp.zeros(()), jnp.zeros(())), sample_cost)
 
-    def cost(gains, checkpoint):
+    def cost(gains):
         own = parameters._replace(gains=parameters.gains._replace(**gains))
-        plan = Plan.covering(STEPS, 50, checkpoint)
+        plan = Plan.covering(STEPS, 50, checkpoint=True)
         return rollout(scenario.structure(), own, STEP, STEPS, plan, observer).total
 
     gains = {name: getattr(parameters.gains, name) for name in NAMES}
-    reverse = jax.jit(jax.value_and_grad(lambda x: cost(x, True), has_aux=True))
-    plain = jax.jit(lambda x: cost(x, False)[0])
+    reverse = jax.jit(jax.value_and_grad(cost, has_aux=True))
     (value, largest), gradient = reverse(gains)
-    central = central_differences(plain, gains, RELATIVE_STEP)
+    central = central_differences(lambda x: reverse(x)[0][0], gains, RELATIVE_STEP)
     return {"cost": float(value), "largest": float(largest), "gradient": flat(gradient), "central": central}
 
 
