@@ -10,7 +10,9 @@ from pathlib import Path
 
 import jax
 import pytest
+from PIL import Image
 
+from experiments import readme_media
 from tests import readme_worker, tuning_worker
 
 ROOT = Path(__file__).parent.parent
@@ -116,6 +118,18 @@ def test_command(results, folder, command):
     assert results[command]["outcome"] == 0, results[command]["said"]
     words = command.split()
     assert "--out" not in words or (folder / words[words.index("--out") + 1]).exists()
+
+
+def test_pictures_are_written_at_the_committed_ones_size(results, folder):
+    written = sorted(path.name for path in (folder / "docs").iterdir())
+    assert written == ["contact_force.png", "robots.gif", "tuning.png"]
+    for name in written:
+        with Image.open(folder / "docs" / name) as written, Image.open(ROOT / "docs" / name) as committed:
+            assert written.format == committed.format
+            assert written.width == committed.width
+            assert (ROOT / "docs" / name).stat().st_size < 1.5e6
+    with Image.open(ROOT / "docs" / "robots.gif") as committed:
+        assert committed.n_frames == round(25 * readme_media.TURN) + 1
 
 
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.splitlines()[0])
