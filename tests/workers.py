@@ -11,9 +11,13 @@ import jax
 from coopmm_jax import runtime
 
 # Most of what tests run is compiled for a few steps: machine code as it comes, three times slower but compiled in a
-# third of the time. ``runs_apart`` compiles whole rollouts as they are shipped.
-QUICK_TO_COMPILE = "--xla_backend_optimization_level=0"
-
+# third of the time. ``runs_apart`` compiles whole rollouts as they are shipped. Without what only optimisations would
+# read, LLVM inlines in half the time; modules split for threads would take these from the other worker.
+QUICK_TO_COMPILE = (
+    "--xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1"
+    " --xla_llvm_enable_alias_scope_metadata=false --xla_llvm_enable_noalias_metadata=false"
+    " --xla_llvm_enable_invariant_load_metadata=false"
+)
 
 # Python looks for unreachable cycles after every 700 new objects, of which tracing a gradient makes millions that all
 # stay: a quarter of its time.
