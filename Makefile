@@ -19,7 +19,7 @@ demo: $(VENV)/.installed
 # Two workers, each keeping whole files, so that a file's compiled functions are shared by its tests.
 test: $(VENV)/.installed-test
 	$(BIN)/ruff check
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

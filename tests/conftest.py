@@ -30,6 +30,15 @@ jax.config.update(
 # JAX's own threshold of 1 s leaves out most of what these tests compile.
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
+# Files that take longest, first, so that two workers end together. test_tuning_rollouts.py finds compiled what
+# test_readme.py has compiled.
+_LONGEST = ("notebooks", "readme", "falsify", "gradients", "actuators", "tuning_rollouts", "compare", "sweep")
+
+
+def pytest_collection_modifyitems(items):
+    rank = {f"test_{name}": i for i, name in enumerate(_LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path.stem, len(rank)))
+
 
 @pytest.fixture(scope="session")
 def programs():
