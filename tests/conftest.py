@@ -1,14 +1,13 @@
 """Strict numerics for every test, and one compilation cache outside the checkout."""
 
 import functools
-import gc
 import os
 from pathlib import Path
 
 import jax
 import pytest
 
-from tests.workers import COLLECTIONS, QUICK_TO_COMPILE
+from tests.workers import QUICK_TO_COMPILE
 
 os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {QUICK_TO_COMPILE}".strip()  # and of all workers
 
@@ -18,7 +17,7 @@ from tests.programs import Program
 
 pytest_plugins = ["tests.sweeps"]
 
-gc.set_threshold(*COLLECTIONS)
+coopmm_jax.runtime.collect_rarely()
 _user_cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 jax.config.update("jax_enable_x64", True)

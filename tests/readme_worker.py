@@ -5,7 +5,6 @@ Of its own for the reason that ``gradient_worker`` gives. Jobs come on the stand
 
 import contextlib
 import functools
-import gc
 import importlib
 import inspect
 import io
@@ -22,7 +21,6 @@ import jax
 from coopmm_jax import cli, runtime
 from experiments import readme_media
 from experiments.benchmarks import falsify, gradients, loops, rollout, sweep, tuner_problem, tuners
-from tests.workers import COLLECTIONS
 
 VALUE = re.compile(r"^(\S.*?) +# (-?\d+(?:\.\d+)?) ")  # a line of Python with what it is said to give
 
@@ -77,7 +75,6 @@ def run_block(text, names):
 
 def main():
     """Print, for each job, its exit code or what its lines gave, and what it said."""
-    gc.set_threshold(*COLLECTIONS)
     assert runtime.use_fast_compilation()
     make_experiments_small()
     names, results = {}, []

@@ -10,7 +10,6 @@ import pytest
 from nbclient import NotebookClient
 
 from coopmm_jax import list_scenarios
-from tests.workers import COLLECTIONS
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 NOTEBOOKS = sorted((EXPERIMENTS / "notebooks").glob("*.ipynb"))
@@ -27,9 +26,7 @@ def environment():
 @each_notebook
 def test_runs(path, environment):
     notebook = nbformat.read(path, as_version=4)
-    rarely = f"--IPKernelApp.exec_lines=import gc; gc.set_threshold{COLLECTIONS}"
-    options = {"resources": {"metadata": {"path": path.parent}}, "extra_arguments": [rarely]}
-    client = NotebookClient(notebook, timeout=SECONDS, **options)
+    client = NotebookClient(notebook, timeout=SECONDS, resources={"metadata": {"path": path.parent}})
     client.execute(env=environment)
     outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     assert not [output.text for output in outputs if "Warning" in output.get("text", "")]

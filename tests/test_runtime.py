@@ -1,5 +1,6 @@
 """XLA's options: set before the backend starts, merged with the user's, never behind anyone's back."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -89,6 +90,20 @@ def test_fast_compilation_after_the_first_computation_is_refused(monkeypatch):
     with pytest.raises(RuntimeError, match="before the first JAX computation"):
         runtime.use_fast_compilation()
     assert os.environ["XLA_FLAGS"] == WHILE_LOOPS
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [((700, 10, 10), (50_000, 10, 10)), ((60_000, 5, 5), (60_000, 5, 5)), ((0, 10, 10), (0, 10, 10))],
+)
+def test_collections_become_rarer_never_more_frequent(before, after):
+    usual = gc.get_threshold()
+    try:
+        gc.set_threshold(*before)
+        assert runtime.collect_rarely() == (before != after)
+        assert gc.get_threshold() == after
+    finally:
+        gc.set_threshold(*usual)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Workers: what has to run in a process of its own, for the reason that ``gradient_worker`` gives."""
 
-import gc
 import os
 import subprocess
 import sys
@@ -19,10 +18,6 @@ QUICK_TO_COMPILE = (
     " --xla_llvm_enable_invariant_load_metadata=false"
 )
 
-# Python looks for unreachable cycles after every 700 new objects, of which tracing a gradient makes millions that all
-# stay: a quarter of its time.
-COLLECTIONS = (50_000, 10, 10)
-
 
 def environment(shipped: bool = False) -> dict[str, str]:
     """Of a worker: the tests' compilation cache; ``shipped`` leaves XLA's level to the command line."""
@@ -34,7 +29,6 @@ def environment(shipped: bool = False) -> dict[str, str]:
 
 def start_worker() -> None:
     """What a worker does first."""
-    gc.set_threshold(*COLLECTIONS)
     runtime.use_fast_compilation()
     jax.config.update("jax_enable_x64", True)
 
