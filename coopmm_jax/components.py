@@ -167,7 +167,8 @@ def inverse_small(A: Matrix) -> tuple[Matrix, Scalar]:
 class _Series(NamedTuple):
     """Constants of ``sincos`` in one precision.
 
-    ``pi`` is split after Cody and Waite into parts whose product with n is exact up to |x| ~ 1e5. ``sin`` and ``cos``
+    ``pi`` is split after Cody and Waite into parts whose product with n is exact up to |x| ~ 1e5, the last one to
+    rounding. ``sin`` and ``cos``
     are Chebyshev fits in z = h^2, |h| <= pi/2, of (sin h - h) / (h z) and (cos h - 1 + z/2) / z^2, to rounding.
     """
 
@@ -177,7 +178,7 @@ class _Series(NamedTuple):
 
 
 _DOUBLE = _Series(
-    pi=(3.1415926534682512, 1.2154201012607932e-10, 4.044532497591901e-21),
+    pi=(3.1415926534682512, 1.2154201013012384e-10),
     sin=(
         2.7314447512062796e-15,
         -7.643970295533013e-13,

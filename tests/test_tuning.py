@@ -51,6 +51,7 @@ def rollouts(monkeypatch):
 
     class Stand:
         calls, lost = 0, staticmethod(lambda vector: False)
+        begun, asked = [], []  # gradients: what is compiled early, and what is asked for
 
     def evaluate(objective, vectors, samples):
         terms = np.asarray(many("terms", np.asarray(vectors), samples.rows, np.ones(len(TERMS))))
@@ -59,6 +60,7 @@ def rollouts(monkeypatch):
 
     def gradients(objective, vectors, samples, coefficients):
         Stand.calls += 1
+        Stand.asked.append((objective, samples.structure, samples.rows.shape[1]))
         return tuple(np.array(x) for x in many("gradient", np.asarray(vectors), samples.rows, coefficients))
 
     def compare(problem, vectors, first, count):
@@ -71,6 +73,9 @@ def rollouts(monkeypatch):
 
     monkeypatch.setattr(tiles, "evaluate", evaluate)
     monkeypatch.setattr(tiles, "gradients", gradients)
+    monkeypatch.setattr(
+        tiles, "compile_gradients", lambda o, samples: Stand.begun.append((o, samples.structure, samples.rows.shape[1]))
+    )
     monkeypatch.setattr(sys.modules["tuning.tune"], "compare", compare)  # tuning.tune is the function
     return Stand
 
@@ -300,3 +305,9 @@ def test_starting_gains_under_which_nothing_completes(rollouts):
     rollouts.lost = lambda vector: True
     with pytest.raises(UserError, match="gains: must be such that at least one validation sample completes"):
         tuning.tune(scenario())
+
+
+def test_what_compiles_early_is_what_the_descents_ask_for(rollouts):
+    tuning.tune(scenario())
+    assert len(rollouts.begun) == 1
+    assert set(rollouts.asked) == set(rollouts.begun)

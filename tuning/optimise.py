@@ -60,7 +60,7 @@ class Pairs(NamedTuple):
 class LBFGS:
     """Limited-memory BFGS on the host: a dozen vectors of some 20 numbers need no compiler."""
 
-    ladder = (2.0, 1.0, 0.5, 0.25, 0.1, 0.02)  # step lengths tried at once: together cheaper than one gradient
+    ladder = (2.0, 1.0, 0.5, 0.25, 0.1, 0.02)  # step lengths tried at once: together as dear as one gradient
     descends = True  # a step is taken only if it lowers the risk
 
     def start(self, vector: np.ndarray) -> Pairs:

@@ -98,7 +98,7 @@ def tune_front(scenario: Scenario, count: int, progress: Progress | None = None)
     with jax.enable_x64(True):
         chosen = optimise.method(s.optimiser, s.learning_rate, s.schedule, s.clip, s.iterations * s.steps)
         groups = _groups(scenario)
-        problem = build_problem(scenario)
+        problem = build_problem(scenario, descends=True)
         weights = np.geomspace(*WEIGHTS, count)
         mix = np.stack([np.ones(count), weights], axis=1) / (1.0 + weights[:, None])  # (K, 2)
         run = _start(problem, chosen, groups, mix)

@@ -44,8 +44,11 @@ class Problem:
         return _draw(self.variation, first, count)
 
 
-def build_problem(scenario: Scenario) -> Problem:
+def build_problem(scenario: Scenario, descends: bool = False) -> Problem:
     """The problem of a scenario with [uncertainty]; runs the starting gains on the validation set for the scales.
+
+    Args:
+        descends: gradients over the training horizon will be needed, so that their compilation may as well begin.
 
     Raises:
         UserError: nothing varies, a set does not fit, a bound excludes the start, or no sample survives the start.
@@ -64,6 +67,8 @@ def build_problem(scenario: Scenario) -> Problem:
     if settings.survivors > settings.starts:
         raise UserError("tuning.survivors", f"at most tuning.starts ({settings.starts})", settings.survivors)
     fixed = _draw(variation, VALIDATION, settings.validation_samples)
+    if descends:
+        tiles.compile_gradients(Objective.of(scenario, variation.structure(), settings.horizon), fixed)
     searches = (_search(scenario, variation, horizon, fixed) for horizon in (settings.horizon, duration))
     return Problem(scenario, variation, *searches)
 

@@ -96,7 +96,7 @@ def tune(
     with jax.enable_x64(True):
         chosen = _method(scenario)
         found = state.read(folder, scenario.to_toml()) if resume else None
-        problem = build_problem(scenario)
+        problem = build_problem(scenario, descends=True)
         run = _start(problem, chosen) if found is None else _unpacked(problem, chosen, found)
         _iterate(problem, chosen, run, folder, progress)
         result = _result(problem, run)
