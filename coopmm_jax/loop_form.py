@@ -29,11 +29,9 @@ class Scalars:
         """What the loop carries for ``tree``."""
         return tree
 
-    unpack = pack
-    pack_read = pack
-    unpack_read = pack
+    unpack = pack_each = unpack_each = pack_read = unpack_read = pack
 
-    def field(self, function: Callable, constants: Any, report: Callable | None = None) -> Callable:
+    def field(self, function: Callable, constants: tuple, report: Callable | None = None) -> Callable:
         """(t, state) -> (rates, report) in this form, from (constants, t, state) -> (rates, report) on scalars."""
         return functools.partial(function, constants)
 
@@ -56,6 +54,14 @@ class Vectors:
         """The inverse of ``pack``."""
         return packed.unpack()
 
+    def pack_each(self, parts: tuple) -> tuple[Packed, ...]:
+        """Parts apart: one vector of all would have a derivative as soon as one of them has."""
+        return tuple(map(self.pack, parts))
+
+    def unpack_each(self, parts: tuple[Packed, ...]) -> tuple:
+        """The inverse of ``pack_each``."""
+        return tuple(map(self.unpack, parts))
+
     def pack_read(self, signals: Any) -> Packed:
         """Of ``signals`` what will be read; packing the rest would keep XLA from leaving its computation out."""
         leaves, structure = jax.tree.flatten(signals)
@@ -69,19 +75,19 @@ class Vectors:
         zero = jnp.zeros((), self.dtype)
         return jax.tree.map(lambda x: zero if x is None else x, packed.unpack(), is_leaf=lambda x: x is None)
 
-    def field(self, function: Callable, constants: tuple, report: Callable | None = None) -> Callable:
-        """As ``Scalars.field``, on vectors; ``constants`` are packed one by one, the report by ``report`` or ``pack``.
+    def field(
+        self, function: Callable, constants: tuple[Packed, ...], report: Callable | None = None
+    ) -> Callable[[Any, Packed], tuple[Packed, Packed]]:
+        """As ``Scalars.field``, on vectors; the report is packed by ``report``, or as the rates are.
 
-        One vector of all of them would have a derivative as soon as one of them has. The barrier ties their reading to
-        the stage: otherwise XLA reads ahead of the loop and carries every scalar after all.
+        The barrier ties the reading of the constants to the stage: otherwise XLA reads ahead of the loop and carries
+        every scalar after all.
         """
-        vectors = tuple(map(self.pack, constants))
-
         pack_report = report or self.pack
 
         def on_vectors(t: Any, at: Packed) -> tuple[Packed, Packed]:
-            read, t = jax.lax.optimization_barrier((vectors, t))
-            rates, reported = function(tuple(part.unpack() for part in read), t, at.unpack())
+            read, t = jax.lax.optimization_barrier((constants, t))
+            rates, reported = function(self.unpack_each(read), t, at.unpack())
             return self.pack(rates), pack_report(reported)
 
         return on_vectors

@@ -131,12 +131,13 @@ def rollout(
     form = Scalars()
     if plan.packed:
         form = Vectors(dtype, functools.partial(_all_that_is_read, state, determinants, observer, record))
+    constants = form.pack_each(model)
     settle = recomputed(functools.partial(_settle, form, observer, steps))  # keeps the inputs, each one vector
 
     def advance(carry: tuple, i: Scalar) -> tuple[tuple, Any]:
         state, total, health = carry
         t = i.astype(dtype) * step
-        proposed, signals = _step(structure, model, form, i, t, step, state)
+        proposed, signals = _step(structure, constants, form, i, t, step, state)
         running = (health.status == 0) & (i <= steps)  # what the plan has room for beyond the horizon cannot fail
         now = judge(form.unpack(proposed), form.unpack_read(signals), determinants)
         status = jnp.where(running, now, health.status)
@@ -152,16 +153,16 @@ def rollout(
 
 
 def _step(
-    structure: Structure, model: Model, form: Form, i: Scalar, t: Scalar, step: Scalar, state: Any
+    structure: Structure, constants: tuple, form: Form, i: Scalar, t: Scalar, step: Scalar, state: Any
 ) -> tuple[Any, Any]:
-    """The state after step i and the signals before it, in the loop's form."""
+    """The state after step i and the signals before it, in the loop's form, as are the model's parts."""
     if structure.substeps:
-        return sampled_step(structure, model, form, i, t, step, state)
+        return sampled_step(structure, constants, form, i, t, step, state)
 
     def field(constants: tuple, t: Scalar, state: State) -> tuple[State, Signals]:
         return closed_loop(structure, Model(*constants), t, state)
 
-    return rk4_step(form.field(field, model, form.pack_read), t, step, state)
+    return rk4_step(form.field(field, constants, form.pack_read), t, step, state)
 
 
 def _settle(

@@ -55,7 +55,7 @@ class _Motion(NamedTuple):
 
 def sampled_step(
     structure: Structure,
-    model: Model,
+    constants: tuple,
     form: Form,
     sample: Scalar,
     t: Scalar,
@@ -67,8 +67,8 @@ def sampled_step(
     Memory (adaptation, integrals, eta) moves by one Euler step per sample, as a control computer would do it.
 
     Args:
-        form: of ``state``, a ``State``, and of what comes back. sample: number of this sample. period: control
-            period [s].
+        constants: the parts of a ``Model``. form: of these, of ``state`` (a ``State``) and of what comes back.
+        sample: number of this sample. period: control period [s].
 
     Returns:
         The state at t + period, and the signals at t, just after the torque has been set.
@@ -83,9 +83,10 @@ def sampled_step(
         rates = Memory(command.integral_rate, command.eta_rate, command.c_hat_rate, action.measured_error)
         return (action.target, rates, noise), observe(structure, model, truth, state, command.sigma, action)
 
-    decision, signals = recomputed(form.field(decide, model, form.pack_read))(t, state)
+    decision, signals = recomputed(form.field(decide, constants, form.pack_read))(t, state)
     (target, rates, noise), signals, state = form.unpack(decision), form.unpack_read(signals), form.unpack(state)
-    moved, forces = _hold(structure, model, form, t, period, state, target)
+    moved, forces = _hold(structure, constants, form, t, period, state, target)
+    model = Model(*form.unpack_each(constants))
     memory = jax.tree.map(lambda x, rate: x + period * rate, state.memory, rates)
     devices = sense(structure, model, period, state.devices, forces, noise)._replace(torque=moved.torque)
     # The multipliers of the first integration stage are computed anyway; those of ``decide`` then need not be.
@@ -110,7 +111,7 @@ def _measure(
 
 def _hold(
     structure: Structure,
-    model: Model,
+    constants: tuple,
     form: Form,
     t: Scalar,
     period: Scalar,
@@ -120,8 +121,8 @@ def _hold(
     """Robots and actuators over one period under a constant torque command; also lambda (m,) at its start."""
     lagging = "actuator_lag" in structure.features
 
-    def field(constants: tuple, at: Scalar, x: _Motion) -> tuple[_Motion, Vector]:
-        *parts, target = constants
+    def field(known: tuple, at: Scalar, x: _Motion) -> tuple[_Motion, Vector]:
+        *parts, target = known
         model = Model(*parts)
         k = plant.plant_kinematics(structure, model, at, x.position, x.velocity)
         applied = (tuple(x.torque[:5]), tuple(x.torque[5:])) if lagging else target
@@ -131,7 +132,7 @@ def _hold(
         return _Motion(plant.rates_without_drift(k), moved.independent, torque), moved.multipliers
 
     start = _Motion(state.position, state.velocity, state.devices.torque)
-    held = form.field(field, (*model, target))
+    held = form.field(field, (*constants, form.pack(target)))
     end, forces = rk4_hold(held, t, period / structure.substeps, structure.substeps, form.pack(start))
     return form.unpack(end), form.unpack(forces)
 

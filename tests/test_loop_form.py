@@ -38,7 +38,7 @@ def first_signal(signals):
 def one_step(form, constants):
     """State after one step, and the signals before it."""
     start = form.pack(jax.tree.map(jnp.asarray, START))
-    state, signals = rk4_step(form.field(spring_rates, constants, form.pack_read), 0.7, 0.1, start)
+    state, signals = rk4_step(form.field(spring_rates, form.pack_each(constants), form.pack_read), 0.7, 0.1, start)
     return form.unpack(state), form.unpack_read(signals)
 
 

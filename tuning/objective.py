@@ -46,6 +46,9 @@ TRACKING = ("object", "relative", "posture")
 # A rollout that fails costs this, and up to twice as much the earlier it fails: more than any that completes.
 FAILED = 1e6
 _SEGMENT = 50  # steps between checkpoints of the reverse pass
+# A tile of 32 lanes keeps 50 kB of each RK4 step for the reverse pass: half a gigabyte of so many. Checkpoints instead
+# compile half as long again.
+_KEPT = 10_000
 _SMOOTHING = 1e-3  # [N m], of the absolute torque changes
 
 
@@ -84,11 +87,12 @@ class Objective:
         """Terms of the rollout with the gains of ``vector`` (n,).
 
         Args:
-            parameters: of one sample, scalars. for_gradient: static; what ``jax.grad`` runs twice as fast in a few MB,
-                and a batch without it an eighth slower.
+            parameters: of one sample, scalars. for_gradient: static; what ``jax.grad`` runs twice as fast, and a batch
+                without it an eighth slower.
         """
         parameters = parameters._replace(gains=self.space.gains(vector))
-        plan = Plan.covering(self.steps, _SEGMENT, checkpoint=for_gradient, packed=for_gradient)
+        long = self.steps * max(1, self.structure.substeps) > _KEPT
+        plan = Plan.covering(self.steps, _SEGMENT, checkpoint=for_gradient and long, packed=for_gradient)
         result = rollout(self.structure, parameters, self.step, self.steps, plan, self._observer(parameters))
         completed = result.health.status == 0
         survived = jnp.where(completed, 1.0, result.health.step / (self.steps + 1))
