@@ -49,7 +49,7 @@ def use_small_while_loops() -> bool:
 
 
 def use_fast_compilation(batches: bool = False) -> bool:
-    """Compile this package's rollouts two to three times faster, to code that is about five times as fast.
+    """Compile this package's rollouts about twice as fast, to code that is four (one) to ten (a batch) times as fast.
 
     **Risk**: XLA's multi-output fusion on the CPU can abort the whole process, without a Python exception, while it
     compiles *other* code (seen with jacfwd through jnp.linalg: a failed check in symbolic_map.cc). The command line
@@ -57,8 +57,8 @@ def use_fast_compilation(batches: bool = False) -> bool:
     only if a restarted kernel would cost you nothing. Also calls ``collect_rarely``.
 
     Args:
-        batches: have LLVM vectorise every loop over the lanes of a batch: half as fast again, but a batch takes a third
-            longer to compile and its gradient half as long again. Pays for sweeps.
+        batches: have LLVM vectorise every loop over the lanes of a batch: two fifths faster, but a batch takes a tenth
+            longer to compile and its gradient, no more than a sixth faster, seven tenths longer. Pays for sweeps.
 
     Returns:
         Whether XLA will see the options: not if COOPMM_NO_XLA_OPTIONS is 1 or XLA_FLAGS names a file.

@@ -88,7 +88,7 @@ class Objective:
 
         Args:
             parameters: of one sample, scalars. for_gradient: static; what ``jax.grad`` runs twice as fast, and a batch
-                without it an eighth slower.
+                without it a fifth slower.
         """
         parameters = parameters._replace(gains=self.space.gains(vector))
         long = self.steps * max(1, self.structure.substeps) > _KEPT

@@ -66,8 +66,10 @@ def compiled(loop: str, scenario: Scenario, lanes: int) -> Program:
     steps = round(seconds / step)
     parameters = as_scalars(scenario.parameters(), jnp.float64)
 
+    plan = Plan.covering(round(seconds / step), packed=lanes == 1)
+
     def final(parameters: Any, steps: Any) -> Any:
-        return rollout(structure, parameters, step, steps, Plan.covering(round(seconds / step))).state
+        return rollout(structure, parameters, step, steps, plan).state
 
     # Of two horizons, so that the start's own operations drop out.
     one, two = (operations(lambda p, n=n: rollout(structure, p, step, n, Plan(1, n)).state, parameters) for n in (1, 2))
