@@ -296,9 +296,12 @@ def test_nothing_is_overwritten_by_a_run_that_does_not_fit(rollouts, tmp_path):
         ({"tuning": {"optimiser": "chain"}}, r"tuning\.optimiser"),
     ],
 )
-def test_settings_that_cannot_be_met(rollouts, changes, message):
-    with pytest.raises(UserError, match=message):
-        tuning.tune(load_scenario("paper", **{"uncertainty": MASS} | changes))
+def test_settings_that_cannot_be_met_leave_nothing_behind(rollouts, changes, message, tmp_path):
+    for out in (tmp_path / "new", tmp_path):
+        with pytest.raises(UserError, match=message):
+            tuning.tune(load_scenario("paper", **{"uncertainty": MASS} | changes), out=out)
+    assert tmp_path.is_dir()  # was there before
+    assert not any(tmp_path.iterdir())
 
 
 def test_starting_gains_under_which_nothing_completes(rollouts):

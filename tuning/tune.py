@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -92,17 +93,16 @@ def tune(
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
-    folder = None if out is None else _folder(Path(out), resume)
-    with jax.enable_x64(True):
+    with jax.enable_x64(True), _folder(out, resume) as folder:
         chosen = _method(scenario)
         found = state.read(folder, scenario.to_toml()) if resume else None
         problem = build_problem(scenario, descends=True)
         run = _start(problem, chosen) if found is None else _unpacked(problem, chosen, found)
         _iterate(problem, chosen, run, folder, progress)
         result = _result(problem, run)
-    if folder is not None:
-        _write(folder / "gains.toml", gains_file(result))
-        _write_history(folder / "history.csv", run.history)
+        if folder is not None:
+            _write(folder / "gains.toml", gains_file(result))
+            _write_history(folder / "history.csv", run.history)
     return result
 
 
@@ -193,15 +193,27 @@ def _result(problem: Problem, run: Progressing) -> TuningResult:
     return TuningResult(tuned, space.labels(), before, after, run.history, comparison)
 
 
-def _folder(folder: Path, resume: bool) -> Path:
+@contextlib.contextmanager
+def _folder(out: str | Path | None, resume: bool) -> Iterator[Path | None]:
+    """The folder of a run; a new one goes again if a setting is refused before anything is written."""
+    if out is None:
+        yield None
+        return
+    folder = Path(out)
     if not resume and (folder / state.NAME).exists():
         raise UserError("--out", "a folder without a tuning run, or --resume given", folder)
-    if not resume:
-        try:
+    new = not resume and not folder.exists()
+    try:
+        if not resume:
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UserError("--out", "a folder that can be written", f"{folder} ({error.strerror})") from None
-    return folder
+    except OSError as error:
+        raise UserError("--out", "a folder that can be written", f"{folder} ({error.strerror})") from None
+    try:
+        yield folder
+    except UserError:
+        if new and not any(folder.iterdir()):
+            folder.rmdir()
+        raise
 
 
 def _write(path: Path, text: str) -> None:
