@@ -103,6 +103,18 @@ def test_spread_is_the_least_force(case):
     assert_close(joined(on_joints), np.linalg.pinv(case.L.T) @ F, 4e-14)
 
 
+def test_least_equivalent_force(case):
+    force = case.rng.uniform(-20, 20, 10)
+    least = joined(coupling.least_equivalent(case.reduction, pair(force)))
+    assert_close(least, case.L @ np.linalg.lstsq(case.L, force)[0], 2e-14)
+
+
+def test_velocity_map_multiplied_out(case):
+    L = np.vstack([np.array(each.rows, dtype=float) for each in coupling.velocity_maps(case.reduction)])
+    assert_close(L, case.L, 8e-15)
+    assert float(coupling.velocity_map_norm(case.reduction)) == pytest.approx(np.linalg.norm(case.L), rel=2e-15)
+
+
 def test_dependent_joints_take_up_a_residual(case):
     residual = case.rng.uniform(-1, 1, len(case.rows))
     change = joined(coupling.dependent_solution(case.reduction, tuple(residual.tolist())))
