@@ -32,7 +32,7 @@ $(BIN)/python:
 # The stamps stand beside whatever .venv already holds, so an environment made by hand is completed, not rebuilt.
 $(VENV)/.installed: EXTRAS :=
 $(VENV)/.installed-test: EXTRAS := [test]
-$(VENV)/.installed $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
+$(VENV)/.installed $(VENV)/.installed-test: pyproject.toml constraints.txt coopmm_jax/__init__.py | $(BIN)/python
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.$(EXTRAS)'
 	@touch $@

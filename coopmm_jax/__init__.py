@@ -15,7 +15,7 @@ from typing import Any
 
 from coopmm_jax import runtime
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # No module may have the name of a function here: importing it would put the module in the function's place.
 _MODULE_OF = {
