@@ -168,8 +168,8 @@ class _Series(NamedTuple):
     """Constants of ``sincos`` in one precision.
 
     ``pi`` is split after Cody and Waite into parts whose product with n is exact up to |x| ~ 1e5, the last one to
-    rounding. ``sin`` and ``cos``
-    are Chebyshev fits in z = h^2, |h| <= pi/2, of (sin h - h) / (h z) and (cos h - 1 + z/2) / z^2, to rounding.
+    rounding. ``sin`` and ``cos`` are Chebyshev fits in z = h^2, |h| <= pi/2, of (sin h - h) / (h z) and (cos h - 1 +
+    z/2) / z^2, to rounding.
     """
 
     pi: tuple[float, ...]

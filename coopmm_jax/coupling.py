@@ -10,8 +10,8 @@ so every solve with it is two solves of size two at most. L is not block diagona
 dependent joints move when the object does.
 
 Rows that hold a height do not see the independent velocities when both heights are held. What is left drives the
-dependent joints: u_dep = N R u^1 with one row of R for each row that does, in the full set one for each robot. So L is
-never multiplied out.
+dependent joints: u_dep = N R u^1 with one row of R for each row that does, in the full set one for each robot. So the
+time loop never multiplies L out.
 """
 
 from __future__ import annotations

@@ -27,7 +27,8 @@ class Packed:
     def of(cls, tree: Any, dtype: Any) -> Packed:
         """Pack a pytree of scalars, each converted to ``dtype``."""
         leaves, structure = jax.tree.flatten(tree)
-        return cls(jnp.stack([jnp.asarray(leaf, dtype) for leaf in leaves]) if leaves else jnp.zeros(0), structure)
+        values = jnp.stack([jnp.asarray(leaf, dtype) for leaf in leaves]) if leaves else jnp.zeros(0, dtype)
+        return cls(values, structure)
 
     def unpack(self) -> Any:
         """The pytree again, each leaf with the axes that were put before the last one.

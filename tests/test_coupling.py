@@ -109,6 +109,13 @@ def test_least_equivalent_force(case):
     assert_close(least, case.L @ np.linalg.lstsq(case.L, force)[0], 2e-14)
 
 
+def test_heights_that_are_held_drive_nothing(case):
+    """What the loop's speed rests on: one drive for each robot in the full set, and no more than rows in any."""
+    held = {"contact_height", "guide_height"}
+    driving = [name for name in case.rows if not (name in held and held <= set(case.rows))]
+    assert len(case.reduction.R.rows) == len([name for name in driving if name != "guide_height"])
+
+
 def test_velocity_map_multiplied_out(case):
     L = np.vstack([np.array(each.rows, dtype=float) for each in coupling.velocity_maps(case.reduction)])
     assert_close(L, case.L, 8e-15)

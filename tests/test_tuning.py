@@ -14,6 +14,7 @@ import tuning
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario import load_scenario
 from tuning import measure, optimise, report, state, tiles
+from tuning import objective as objective_module
 from tuning import problem as problem_module
 from tuning.measure import Comparison
 from tuning.objective import FAILED, TERMS
@@ -314,3 +315,20 @@ def test_what_compiles_early_is_what_the_descents_ask_for(rollouts):
     tuning.tune(scenario())
     assert len(rollouts.begun) == 1
     assert set(rollouts.asked) == set(rollouts.begun)
+
+
+@pytest.mark.parametrize(("horizon", "checkpoint"), [(3.0, False), (20.0, True)])
+def test_gradients_keep_every_step_of_short_horizons_only(horizon, checkpoint, monkeypatch):
+    class Planned(Exception):
+        pass
+
+    def stop(structure, parameters, step, steps, plan, observer):
+        raise Planned(plan.checkpoint, plan.packed)
+
+    monkeypatch.setattr(objective_module, "rollout", stop)
+    sensed = load_scenario("sensed")
+    objective = objective_module.Objective.of(sensed, sensed.structure(), horizon)
+    for for_gradient in (False, True):
+        with pytest.raises(Planned) as planned:
+            objective.evaluate(objective.space.start, sensed.parameters(), for_gradient)
+        assert planned.value.args == (checkpoint and for_gradient, for_gradient)

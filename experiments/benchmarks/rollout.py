@@ -5,8 +5,7 @@
 Every program is compiled first (tracing included in the time), run once to warm up, and then timed in turn with all the
 others of its part, so that a machine that slows down slows them all; the table gives medians. The parts run one after
 the other in processes of their own, as sweeps and tuning do, because they set other options of the compiler. "gradient"
-is of a cost with respect to K_sigma (6), gamma (5), K_lambda and K_I, by reverse mode or by one
-forward-mode direction.
+is of a cost with respect to K_sigma (6), gamma (5), K_lambda and K_I, by reverse mode or by one forward-mode direction.
 """
 
 from __future__ import annotations
