@@ -19,17 +19,17 @@ __version__ = "0.2.0"
 
 # No module may have the name of a function here: importing it would put the module in the function's place.
 _MODULE_OF = {
-    "Scenario": "scenario",
+    "Scenario": "scenario.scenario",
     "Status": "status",
-    "Trajectory": "trajectory",
+    "Trajectory": "runs.trajectory",
     "UserError": "errors",
-    "animate": "animation",
-    "list_scenarios": "scenario",
-    "load_scenario": "scenario",
-    "read_run": "store",
-    "replay": "sweep_replay",
-    "simulate": "simulation",
-    "sweep": "sweep_run",
+    "animate": "animation.film",
+    "list_scenarios": "scenario.scenario",
+    "load_scenario": "scenario.scenario",
+    "read_run": "runs.store",
+    "replay": "sweeps.replay",
+    "simulate": "runs.simulation",
+    "sweep": "sweeps.run",
 }
 __all__ = list(_MODULE_OF)
 

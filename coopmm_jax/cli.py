@@ -12,25 +12,19 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from importlib.metadata import entry_points
+from types import ModuleType
 from typing import NoReturn
 
 import coopmm_jax
-from coopmm_jax import overrides, runtime
-from coopmm_jax.commands import (
-    BAD_INPUT,
-    INTERRUPTED,
-    animate,
-    compare,
-    falsify,
-    report,
-    scenarios,
-    simulate,
-    sweep,
-    tune,
-)
+from coopmm_jax import runtime
+from coopmm_jax.commands import BAD_INPUT, INTERRUPTED, animate, report, scenarios, simulate, sweep
 from coopmm_jax.errors import UserError
-from coopmm_jax.validation import closest
+from coopmm_jax.scenario import overrides
+from coopmm_jax.scenario.validation import closest
+
+ENTRY_POINTS = "coopmm_jax.commands"  # the group in which a package declares its subcommands
 
 
 class UsageError(Exception):
@@ -81,6 +75,20 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"coopmm {coopmm_jax.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     parser.set_defaults(sweeps=False)
-    for module in (simulate, animate, sweep, tune, compare, falsify, report, scenarios):
+    for module in _modules():
         module.add(commands)
     return parser
+
+
+def _modules() -> Iterator[ModuleType]:
+    """The modules of all subcommands: this package's, and those that installed packages declare as entry points.
+
+    Raises:
+        UserError: a module that cannot be imported.
+    """
+    yield from (simulate, animate, sweep, report, scenarios)
+    for point in sorted(entry_points(group=ENTRY_POINTS)):
+        try:
+            yield point.load()
+        except (ImportError, AttributeError) as error:
+            raise UserError(f"coopmm {point.name}", f"a module that can be imported ({point.value})", error) from None

@@ -160,7 +160,7 @@ class Structure(NamedTuple):
     rollout pay for all of them.
     """
 
-    rows: tuple[str, ...] = ALL_ROWS  # constraint rows in force (``constraints.py``)
+    rows: tuple[str, ...] = ALL_ROWS  # constraint rows in force (``mechanics/constraints.py``)
     robust_term: str = "proof"  # proof | printed: where chat stands in (19)
     u26: str = "printed"  # printed | corrected: U26 of (19)
     feedforward: str = "projected"  # projected | full: how U1 + U2 becomes a force on all joints

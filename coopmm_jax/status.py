@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from coopmm_jax.closed_loop import Signals, State
-from coopmm_jax.components import Scalar
+from coopmm_jax.algebra.matrix import Scalar
+from coopmm_jax.loop.closed_loop import Signals, State
 
 # Limits that no working loop comes near, reached long before anything overflows, so that the values handed to the next
 # step, and their gradients, are still finite.

@@ -14,13 +14,14 @@ from typing import Any
 import jax
 import numpy as np
 
-from coopmm_jax import coupling, robot, runtime
-from coopmm_jax.closed_loop import closed_loop
+from coopmm_jax import runtime
 from coopmm_jax.control.backstepping import backstepping_errors, chained_rates, reference_velocity
-from coopmm_jax.model import build_model
+from coopmm_jax.control.reference import Desired
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.rollout import as_scalars, initial_state
+from coopmm_jax.mechanics import partitioning, robot_kinematics
+from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import PAPER_START, Gains, Geometry, Parameters, Structure
-from coopmm_jax.reference import Desired
-from coopmm_jax.rollout import as_scalars, initial_state
 from experiments import paper_runs
 
 Figures = dict[str, Any]  # what, with its unit -> one value or several
@@ -52,7 +53,9 @@ def start() -> Figures:
     with jax.enable_x64(True):
         parameters, structure = as_scalars(Parameters(), float), Structure()
         model = build_model(parameters)
-        printed = coupling.kinematics(model, structure.rows, tuple(map(robot.chained, PAPER_START)), (0.0,) * 6)
+        printed = partitioning.kinematics(
+            model, structure.rows, tuple(map(robot_kinematics.chained, PAPER_START)), (0.0,) * 6
+        )
         state, residual, _ = initial_state(structure, model, parameters)
         _, signals = closed_loop(structure, model, parameters.gains.k0 * 0.0, state)
     return {
@@ -82,9 +85,12 @@ def coriolis() -> Figures:
 def backstepping() -> Figures:
     """(26) and (27) by differentiation along (8), at u_d1 = 1.5: which readings of (12), (14) and (27) agree."""
     gains, u_d1, eta, utilde = Gains(), 1.5, 0.05, (0.1, 0.2)
-    position, target = robot.Position(0.2, 2.5, 0.1, 0.0, 0.0, 0.0), Desired(0.0, 2.4, 0.0, u_d1, 0.0, 0.0, (), ())
+    position, target = (
+        robot_kinematics.Position(0.2, 2.5, 0.1, 0.0, 0.0, 0.0),
+        Desired(0.0, 2.4, 0.0, u_d1, 0.0, 0.0, (), ()),
+    )
     z = reference_velocity(gains, target, position, (), eta)
-    moved = robot.Position(*chained_rates(position, z[0] + utilde[0], z[1] + utilde[1]), 0.0, 0.0, 0.0)
+    moved = robot_kinematics.Position(*chained_rates(position, z[0] + utilde[0], z[1] + utilde[1]), 0.0, 0.0, 0.0)
     target_moved = Desired(u_d1, 0.0, 0.0, 0.0, 0.0, 0.0, (), ())
     with jax.enable_x64(True):
         along = jax.tree.map(np.float64, ((target, position), (target_moved, moved)))

@@ -10,11 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 
 import coopmm_jax as cm
-from coopmm_jax import coupling, lyapunov, proof_terms
-from coopmm_jax.model import build_model
+from coopmm_jax.mechanics import partitioning
+from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.proof import lyapunov
+from coopmm_jax.proof import terms as proof_terms
 
 if TYPE_CHECKING:
-    from coopmm_jax.trajectory import Trajectory
+    from coopmm_jax.runs.trajectory import Trajectory
 
 Figures = dict[str, Any]
 
@@ -43,8 +45,8 @@ def coupling_blocks() -> Figures:
     t, state = lyapunov.states_of(run, every=10)
     with jax.enable_x64(True):
         position, velocity = jax.tree.map(jnp.asarray, (state.position, state.velocity))
-        k = coupling.kinematics(model, structure.rows, position, velocity)
-        (L1, _), (J1, _) = coupling.velocity_maps(k.reduction), k.reduction.rows.J
+        k = partitioning.kinematics(model, structure.rows, position, velocity)
+        (L1, _), (J1, _) = partitioning.velocity_maps(k.reduction), k.reduction.rows.J
         dependent = k.reduction.part.dependent[0]
         block = np.array([[np.broadcast_to(x, t.shape) for x in L1.rows[joint][3:]] for joint in dependent])
         missing = [sum(x * u for x, u in zip(L1.rows[joint][3:], velocity[3:], strict=True)) for joint in dependent]

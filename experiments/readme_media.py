@@ -15,11 +15,11 @@ from pathlib import Path
 
 import coopmm_jax as cm
 from coopmm_jax import plotting, runtime
-from coopmm_jax.animation import animate
+from coopmm_jax.animation.film import animate
 from coopmm_jax.commands import BAD_INPUT, DONE
-from coopmm_jax.store import result_folder
-from tuning.compare import compare_gains
-from tuning.compare_figures import bands
+from coopmm_jax.runs.store import result_folder
+from tuning.reports.compare_figures import bands
+from tuning.studies.compare import compare_gains
 
 TUNED = Path(__file__).parent.parent / "docs" / "tuned.toml"
 TURN = 6.28  # [s] in which the robots drive once round their circles

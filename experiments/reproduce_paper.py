@@ -19,14 +19,14 @@ from typing import TYPE_CHECKING, NoReturn
 import coopmm_jax as cm
 from coopmm_jax import plotting, runtime
 from coopmm_jax.commands import BAD_INPUT, DONE, ROLLOUT_FAILED
-from coopmm_jax.lyapunov import Analysis, analyse, report
-from coopmm_jax.metric_table import METRICS, SHOWN
-from coopmm_jax.store import result_folder, summary, write_json
+from coopmm_jax.metrics.table import METRICS, SHOWN
+from coopmm_jax.proof.lyapunov import Analysis, analyse, report
+from coopmm_jax.runs.store import result_folder, summary, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from coopmm_jax.trajectory import Trajectory
+    from coopmm_jax.runs.trajectory import Trajectory
 
 Runs = dict[str, "Trajectory"]  # by feed-forward
 

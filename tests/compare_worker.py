@@ -13,11 +13,11 @@ import numpy as np
 
 import coopmm_jax as cm
 from coopmm_jax.cli import main as coopmm
-from coopmm_jax.gains_file import read_gains
-from coopmm_jax.sampling import sampler
-from coopmm_jax.uncertainty import vary
+from coopmm_jax.scenario.gains_file import read_gains
+from coopmm_jax.scenario.sampling import sampler
+from coopmm_jax.scenario.variation import vary
 from tests.workers import start_worker
-from tuning.compare import OWN, compare_gains
+from tuning.studies.compare import OWN, compare_gains
 
 SAMPLE = 2
 

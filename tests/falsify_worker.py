@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 import coopmm_jax as cm
-from coopmm_jax.uncertainty import LOWEST
+from coopmm_jax.scenario.variation import LOWEST
 from tests.workers import start_worker
-from tuning import falsify as module
-from tuning.falsify import SampleCost, falsify, worst_samples
-from tuning.objective import TERMS
-from tuning.problem import build_problem
+from tuning.cost.objective import TERMS
+from tuning.cost.problem import build_problem
+from tuning.studies import falsify as module
+from tuning.studies.falsify import SampleCost, falsify, worst_samples
 
 HORIZON = 0.1  # [s]
 MASS = {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}

@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coopmm_jax.control.reference import desired_motion
+from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.parameters import Gains, Parameters, Structure
-from coopmm_jax.reference import desired_motion
-from coopmm_jax.rollout import Observer, Plan, rollout
 from tests.workers import start_worker
 
 STEP, STEPS = 1e-3, 20_000

@@ -8,8 +8,8 @@ import json
 import jax
 import jax.numpy as jnp
 
-from coopmm_jax.rollout import Observer, Plan, rollout
-from coopmm_jax.scenario import load_scenario
+from coopmm_jax.loop.rollout import Observer, Plan, rollout
+from coopmm_jax.scenario.scenario import load_scenario
 from tests.gradient_worker import central_differences, flat
 from tests.workers import start_worker
 

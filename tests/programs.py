@@ -5,8 +5,8 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from coopmm_jax.closed_loop import Signals, State
-from coopmm_jax.rollout import Plan, rollout
+from coopmm_jax.loop.closed_loop import Signals, State
+from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.status import Health
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from coopmm_jax import robot
-from coopmm_jax.model import build_model
+from coopmm_jax.mechanics import robot_kinematics
+from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import ALL_ROWS, Geometry, Inertia, Parameters, Plant, Pose, Surface
 from tests.oracles import lagrangian
 
@@ -57,7 +57,7 @@ def assert_close(actual, desired, relative):
 
 def positions(q):
     """Chained positions of both robots at q (2, 6), as the simulator takes them."""
-    return tuple(robot.chained(Pose(*map(float, row))) for row in q)
+    return tuple(robot_kinematics.chained(Pose(*map(float, row))) for row in q)
 
 
 def poses(position):

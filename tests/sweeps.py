@@ -8,7 +8,7 @@ import jax
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax import sweep_tiles
+from coopmm_jax.sweeps import measure
 
 TILE = 8
 ENTRIES = {
@@ -21,7 +21,7 @@ REQUIRED = {"force_min": ">= -90", "torque_peak": "<= 200"}
 
 def bits(data):
     """Everything a sweep has computed, as bytes by name."""
-    names = ("parameters", "metrics", "status", "status_time", *sweep_tiles.SERIES)
+    names = ("parameters", "metrics", "status", "status_time", *measure.SERIES)
     return {name: data[name].values.tobytes() for name in names}
 
 

@@ -16,11 +16,10 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 import coopmm_jax as cm
-from coopmm_jax import movie
-from coopmm_jax.animation import Animation, animate
-from coopmm_jax.plotting import scene, stage
+from coopmm_jax.animation import scene, stage, writers
+from coopmm_jax.animation.film import Animation, animate
+from coopmm_jax.animation.skeleton import placed, skeleton
 from coopmm_jax.plotting.lines import runs
-from coopmm_jax.plotting.skeleton import placed, skeleton
 
 PULLED = tuple(round(255 * part) for part in to_rgb(scene.PULLS["edgecolor"]))
 
@@ -193,7 +192,7 @@ def test_gif_plays_as_long_as_the_run_in_its_own_colours(run, animation, tmp_pat
             if k == 2:
                 assert pixels(shown, PULLED) >= pixels(animation.picture(k), PULLED) > 0
                 assert pixels(shown, (255, 255, 255)) > 0.5 * shown[..., 0].size
-    assert durations == [40] * 25 + [40 + 1000 * movie.PAUSE]
+    assert durations == [40] * 25 + [40 + 1000 * writers.PAUSE]
     assert max(differences) < 1.5
     assert (tmp_path / "run.gif").stat().st_size < 26 * 10_000
 
@@ -205,7 +204,7 @@ def test_gif_keeps_time_at_rates_its_clock_does_not_have(run, tmp_path):
         for k in range(gif.n_frames):
             gif.seek(k)
             total += gif.info["duration"]
-    assert total == pytest.approx(31 / 30 * 1000 + 1000 * movie.PAUSE, abs=5)
+    assert total == pytest.approx(31 / 30 * 1000 + 1000 * writers.PAUSE, abs=5)
 
 
 def test_page_holds_every_frame_and_needs_nothing_else(run, animation, tmp_path):

@@ -3,7 +3,7 @@
 import pytest
 
 from coopmm_jax.cli import main
-from coopmm_jax.store import write_run
+from coopmm_jax.runs.store import write_run
 
 SHORT = ["--simulation.duration", "0.2", "--width", "480"]
 

@@ -11,11 +11,12 @@ import pytest
 from matplotlib.figure import Figure
 
 import coopmm_jax
-from coopmm_jax import __version__, overrides, plotting
+from coopmm_jax import __version__, plotting
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
-from coopmm_jax.metric_table import METRICS, SHOWN
-from coopmm_jax.scenario import Scenario, load_scenario
+from coopmm_jax.metrics.table import METRICS, SHOWN
+from coopmm_jax.scenario import overrides
+from coopmm_jax.scenario.scenario import Scenario, load_scenario
 
 FAILED = SimpleNamespace(name="SINGULAR_GUIDE", message="arm of robot II became singular")
 

@@ -6,12 +6,12 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax.closed_loop import State, closed_loop
 from coopmm_jax.control.motion import Memory
-from coopmm_jax.model import build_model
+from coopmm_jax.control.reference import desired_motion
+from coopmm_jax.loop.closed_loop import State, closed_loop
+from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.mechanics.plant import DRIFT_RATE, disturbance_torque
 from coopmm_jax.parameters import ALL_ROWS, Disturbance, Parameters, Plant, Structure
-from coopmm_jax.plant import DRIFT_RATE, disturbance_torque
-from coopmm_jax.reference import desired_motion
 from tests.oracles import control_law, lagrangian
 from tests.samples import admissible, assert_close, poses, positions, random_inertia, random_pair
 

@@ -11,15 +11,15 @@ from matplotlib.figure import Figure
 
 import coopmm_jax as cm
 from coopmm_jax.cli import main
-from coopmm_jax.metric_table import METRICS
+from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.status import Status
-from coopmm_jax.sweep_tiles import SERIES
+from coopmm_jax.sweeps.measure import SERIES
 from tests import compare_worker
 from tests.workers import run_worker
-from tuning import compare_figures, compare_report
-from tuning.compare import OWN, ComparedGains
-from tuning.measure import Comparison
-from tuning.objective import TERMS
+from tuning.cost.objective import TERMS
+from tuning.reports import compare, compare_figures
+from tuning.studies.compare import OWN, ComparedGains
+from tuning.studies.comparison import Comparison
 
 SHORT = {
     "simulation": {"duration": 0.1},
@@ -59,7 +59,7 @@ def test_the_order_of_files_only_permutes(answer):
 
 
 def test_a_file_against_itself_has_a_ratio_of_exactly_one(answer):
-    found = [change for change in compare_report.changes(answer["permuted"], 3).values() if change.before]
+    found = [change for change in compare.changes(answer["permuted"], 3).values() if change.before]
     assert len(found) > 8
     assert all(change == (change.before, change.before, 1.0, 1.0) for change in found)
 
@@ -86,7 +86,7 @@ def test_command_prints_and_writes(answer, files):
     code, printed = answer["command"]
     compared, out = answer["compared"], files / "out"
     assert code == 0
-    assert compare_report.table(compared) in printed
+    assert compare.table(compared) in printed
     names = {"compare.txt", "compare.json", "compare.csv", "costs.png", "bands.png", "requirements.png"}
     assert {path.name for path in out.iterdir()} == names
     rows = list(csv.DictReader((out / "compare.csv").read_text().splitlines()))
@@ -144,7 +144,7 @@ def made_up(failing=0):
 
 
 def test_ratios_of_halved_costs_are_a_half_however_samples_are_drawn():
-    for change in compare_report.changes(made_up(), 1).values():
+    for change in compare.changes(made_up(), 1).values():
         assert (change.low, change.high) == pytest.approx((0.5, 0.5), rel=1e-12)
 
 
@@ -154,18 +154,18 @@ def test_a_failed_rollout_fails_its_requirements_and_its_terms_do_not_count():
     assert met["completed"].sum(axis=1).tolist() == [20, 20, 17]
     assert met["force_min >= 0"].sum(axis=1).tolist() == [12, 19, 17]
     assert np.array_equal(met["all together"], np.logical_and.reduce(list(met.values())[:-1]))
-    for name, change in compare_report.changes(compared, 2).items():
+    for name, change in compare.changes(compared, 2).items():
         if not name.startswith("cost"):
             assert (change.low, change.high) == pytest.approx((2.0, 2.0), rel=1e-12)
-    assert "0.850 (0.621 to 0.968)" in compare_report.table(compared)
+    assert "0.850 (0.621 to 0.968)" in compare.table(compared)
 
 
 def test_switches_are_mcnemars():
     met = made_up().outcomes()["force_min >= 0"]
-    won, lost = compare_report.switches(met)[0][:2]
+    won, lost = compare.switches(met)[0][:2]
     assert (won, lost) == (8, 1)
-    assert compare_report.switches(met)[0].p == pytest.approx(2 * (1 + 9) / 2**9)  # at most 1 of 9, either way
-    assert compare_report.switches(np.ones((2, 9), bool))[0] == (0, 0, 1.0)
+    assert compare.switches(met)[0].p == pytest.approx(2 * (1 + 9) / 2**9)  # at most 1 of 9, either way
+    assert compare.switches(np.ones((2, 9), bool))[0] == (0, 0, 1.0)
 
 
 @pytest.mark.parametrize("failing", [3, 20])

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coopmm_jax.components import (
+from coopmm_jax.algebra.matrix import (
     Matrix,
     cholesky_solve,
     congruence,

@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coopmm_jax import coupling, reference
-from coopmm_jax.closed_loop import State, closed_loop
-from coopmm_jax.control import adaptive, backstepping, force, motion
-from coopmm_jax.model import build_model
+from coopmm_jax.control import adaptive, backstepping, force, motion, reference
+from coopmm_jax.loop.closed_loop import State, closed_loop
+from coopmm_jax.mechanics import partitioning
+from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.mechanics.plant import disturbance_torque
+from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import ALL_ROWS, Disturbance, Gains, Parameters, Reference, Structure
-from coopmm_jax.plant import disturbance_torque
-from coopmm_jax.robot import Position
 from tests.oracles import control_law, lagrangian
 from tests.samples import admissible, assert_close, joined, positions, random_inertia, random_pair, vector
 
@@ -57,7 +57,7 @@ class Case:
         )
 
     def simulated_command(self, law):
-        k = coupling.kinematics(self.model, ALL_ROWS, self.state.position, self.independent)
+        k = partitioning.kinematics(self.model, ALL_ROWS, self.state.position, self.independent)
         return motion.motion_control(law, self.model, T, k, self.independent, self.state.memory)
 
     def expected_command(self, law):

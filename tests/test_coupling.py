@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coopmm_jax import constrained_dynamics, constraints, coupling
+from coopmm_jax.mechanics import constrained_dynamics, constraints, partitioning
 from tests.oracles import lagrangian
 from tests.samples import (
     ROW_SETS,
@@ -31,14 +31,14 @@ class Case:
         independent = [i for i in range(10) if i not in lagrangian.dependent_joints(rows)]
         self.model = model_of(self.plant)
         u1 = tuple(self.u[independent].tolist())
-        self.kinematics = coupling.kinematics(self.model, rows, positions(self.q), u1)
+        self.kinematics = partitioning.kinematics(self.model, rows, positions(self.q), u1)
         self.reduction = self.kinematics.reduction
 
     def simulators_L(self):
-        return linear_map(lambda u1: joined(coupling.expand(self.reduction, u1)), self.n)
+        return linear_map(lambda u1: joined(partitioning.expand(self.reduction, u1)), self.n)
 
     def simulators_J(self):
-        return linear_map(lambda lam: joined(coupling.constraint_force(self.reduction, lam)), len(self.rows)).T
+        return linear_map(lambda lam: joined(partitioning.constraint_force(self.reduction, lam)), len(self.rows)).T
 
 
 @pytest.fixture(scope="module", params=[(rows, seed) for rows in ROW_SETS for seed in range(3)], ids=str)
@@ -70,7 +70,7 @@ def test_admissible_velocities_are_orthogonal_to_the_constraint_forces(case):
 
 
 def test_restriction_is_the_transpose_of_the_velocity_map(case):
-    transposed = linear_map(lambda force: vector(coupling.restrict(case.reduction, pair(force))), 10)
+    transposed = linear_map(lambda force: vector(partitioning.restrict(case.reduction, pair(force))), 10)
     assert_close(transposed, case.simulators_L().T, 1e-15)
 
 
@@ -92,20 +92,20 @@ def test_accelerations_and_multipliers(case):
 
 def test_multipliers_recover_what_the_constraints_exert(case):
     lam = tuple(case.rng.uniform(-20, 20, len(case.rows)).tolist())
-    force = coupling.constraint_force(case.reduction, lam)
-    assert_close(vector(coupling.multipliers(case.reduction, force)), lam, 2e-14)
+    force = partitioning.constraint_force(case.reduction, lam)
+    assert_close(vector(partitioning.multipliers(case.reduction, force)), lam, 2e-14)
 
 
 def test_spread_is_the_least_force(case):
     F = case.rng.uniform(-20, 20, case.n)
-    on_joints = coupling.spread(case.reduction, tuple(F.tolist()))
-    assert_close(vector(coupling.restrict(case.reduction, on_joints)), F, 3e-15)
+    on_joints = partitioning.spread(case.reduction, tuple(F.tolist()))
+    assert_close(vector(partitioning.restrict(case.reduction, on_joints)), F, 3e-15)
     assert_close(joined(on_joints), np.linalg.pinv(case.L.T) @ F, 4e-14)
 
 
 def test_least_equivalent_force(case):
     force = case.rng.uniform(-20, 20, 10)
-    least = joined(coupling.least_equivalent(case.reduction, pair(force)))
+    least = joined(partitioning.least_equivalent(case.reduction, pair(force)))
     assert_close(least, case.L @ np.linalg.lstsq(case.L, force)[0], 2e-14)
 
 
@@ -117,14 +117,14 @@ def test_heights_that_are_held_drive_nothing(case):
 
 
 def test_velocity_map_multiplied_out(case):
-    L = np.vstack([np.array(each.rows, dtype=float) for each in coupling.velocity_maps(case.reduction)])
+    L = np.vstack([np.array(each.rows, dtype=float) for each in partitioning.velocity_maps(case.reduction)])
     assert_close(L, case.L, 8e-15)
-    assert float(coupling.velocity_map_norm(case.reduction)) == pytest.approx(np.linalg.norm(case.L), rel=2e-15)
+    assert float(partitioning.velocity_map_norm(case.reduction)) == pytest.approx(np.linalg.norm(case.L), rel=2e-15)
 
 
 def test_dependent_joints_take_up_a_residual(case):
     residual = case.rng.uniform(-1, 1, len(case.rows))
-    change = joined(coupling.dependent_solution(case.reduction, tuple(residual.tolist())))
+    change = joined(partitioning.dependent_solution(case.reduction, tuple(residual.tolist())))
     dependent = lagrangian.dependent_joints(case.rows)
     assert_close(case.terms.J @ change, -residual, 1e-14)
     assert set(np.flatnonzero(change)) <= set(dependent)

@@ -21,24 +21,24 @@ EXAMPLES = [module for module, source in SOURCES.items() if ">>> " in source]
 
 # The equations of the paper that each module implements or plots.
 IMPLEMENTED = {
-    "closed_loop": {11, *range(12, 25)},
-    "constraints": {10},
+    "loop.closed_loop": {11, *range(12, 25)},
+    "mechanics.constraints": {10},
     "control.adaptive": {19, 20, 21, 22, 23, 24},
     "control.backstepping": {8, 12, 13, 14, 15},
     "control.force": {17},
     "control.motion": {8, 12, 13, 15, 17, 18, 19},
-    "coupling": {10, 40},
-    "constrained_dynamics": {9, 11},
-    "lyapunov": {31, 40},
+    "mechanics.partitioning": {10, 40},
+    "mechanics.constrained_dynamics": {9, 11},
+    "proof.lyapunov": {31, 40},
     "parameters": set(range(12, 25)),
-    "plant": {1, 2, 11},
+    "mechanics.plant": {1, 2, 11},
     "plotting.control": {15, 18, 20, 21, 22, 23, 24},
     "plotting.force": {9},
     "plotting.motion": {6},
-    "proof_terms": set(range(30, 41)),
-    "reference": {6, 12, 13},
-    "robot": {6, 7, 8, 9},
-    "robot_dynamics": {5, 9},
+    "proof.terms": set(range(30, 41)),
+    "control.reference": {6, 12, 13},
+    "mechanics.robot_kinematics": {6, 7, 8, 9},
+    "mechanics.robot_dynamics": {5, 9},
 }
 BAD = '''
 """A module on (3) and (5)-(7)."""

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from coopmm_jax import cli
-from coopmm_jax.scenario import load_scenario
-from coopmm_jax.uncertainty import vary
+from coopmm_jax.scenario.scenario import load_scenario
+from coopmm_jax.scenario.variation import vary
 from tests import falsify_worker
 from tests.workers import run_worker
-from tuning import falsify, tiles
-from tuning.ascent import LADDER, ascend
-from tuning.objective import FAILED, TERMS
-from tuning.problem import build_problem
+from tuning.cost import evaluate as tiles
+from tuning.cost.objective import FAILED, TERMS
+from tuning.cost.problem import build_problem
+from tuning.search.ascent import LADDER, ascend
+from tuning.studies import falsify
 
 HIGH = np.array([1.0, 2.0, 1.0, 3.0])
 

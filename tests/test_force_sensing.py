@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from coopmm_jax.closed_loop import State, closed_loop
-from coopmm_jax.model import build_model
+from coopmm_jax.loop.closed_loop import State, closed_loop
+from coopmm_jax.loop.rollout import as_scalars, initial_state
+from coopmm_jax.loop.sampled_loop import Noise, initial_devices, sense
+from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import Hardware, Parameters, Structure
-from coopmm_jax.rollout import as_scalars, initial_state
-from coopmm_jax.sampled_loop import Noise, initial_devices, sense
-from coopmm_jax.scenario import load_scenario
+from coopmm_jax.scenario.scenario import load_scenario
 from tests.runs_apart import runs_apart
 
 PERIOD = 1e-4  # short, so that the robots hardly move while torques are held

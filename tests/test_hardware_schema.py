@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from coopmm_jax import hardware_schema
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import FEATURES, Hardware, Structure
-from coopmm_jax.scenario import Scenario, load_scenario
+from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.scenario.sections import hardware as hardware_schema
 
 SAMPLED = {"loop.control_period": 1e-3}
 # feature -> a change of the paper's scenario that switches it on

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coopmm_jax.integrate import rk4_step, scan_segments
+from coopmm_jax.loop.integrate import rk4_step, scan_segments
 
 
 def field(t, state):

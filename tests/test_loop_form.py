@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coopmm_jax.integrate import rk4_step
-from coopmm_jax.loop_form import Scalars, Vectors
+from coopmm_jax.loop.form import Scalars, Vectors
+from coopmm_jax.loop.integrate import rk4_step
+from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.parameters import Parameters, Structure
-from coopmm_jax.rollout import Observer, Plan, rollout
 
 
 class Spring(NamedTuple):

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax import lyapunov, proof_terms
-from coopmm_jax.closed_loop import State, closed_loop
 from coopmm_jax.control.motion import Memory
 from coopmm_jax.errors import UserError
-from coopmm_jax.model import build_model
+from coopmm_jax.loop.closed_loop import State, closed_loop
+from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import ALL_ROWS, Disturbance, Gains, Inertia, Parameters, Plant, Reference, Structure
-from coopmm_jax.robot import Position
+from coopmm_jax.proof import lyapunov
+from coopmm_jax.proof import terms as proof_terms
 from tests.oracles import lagrangian
 from tests.samples import assert_close, poses
 
@@ -230,7 +231,7 @@ def test_analysis_works_under_the_command_lines_xla_options():
 from coopmm_jax import runtime
 assert runtime.use_fast_compilation()
 import doctest
-from coopmm_jax import proof_terms
+from coopmm_jax.proof import terms as proof_terms
 assert doctest.testmod(proof_terms).failed == 0
 """
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

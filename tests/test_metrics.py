@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax import metrics
+from coopmm_jax.metrics import observer as metrics
 from coopmm_jax.parameters import Hardware, Parameters, Structure
 
 STEP = 1e-3

@@ -9,14 +9,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from coopmm_jax.cli import main
-from coopmm_jax.gains_file import read_gains
-from coopmm_jax.scenario import load_scenario
-from tuning import optimise, pareto, pareto_report, tiles
-from tuning.objective import FAILED, TERMS
-from tuning.optimise import Candidate
-from tuning.pareto import Front, non_dominated, tune_front
-from tuning.problem import build_problem
-from tuning.risk import risk
+from coopmm_jax.scenario.gains_file import read_gains
+from coopmm_jax.scenario.scenario import load_scenario
+from tuning.cost import evaluate as tiles
+from tuning.cost.objective import FAILED, TERMS
+from tuning.cost.problem import build_problem
+from tuning.cost.risk import risk
+from tuning.reports import pareto as pareto_report
+from tuning.search import method
+from tuning.search.method import Candidate
+from tuning.studies import pareto
+from tuning.studies.pareto import Front, non_dominated, tune_front
 
 MASS = {"plant.m_p": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}}
 SMALL = {"validation_samples": 4, "test_samples": 8, "race_samples": 2, "samples": 3, "starts": 16, "survivors": 2}
@@ -93,16 +96,14 @@ def test_front_of_two_quadratics(rollouts):
 def test_a_weighting_descends_as_if_alone(rollouts):
     """Candidates of several weightings side by side have the bits that each has under one common search."""
     problem = build_problem(scenario())
-    search, chosen, samples = problem.training, optimise.LBFGS(), problem.samples(7, 3)
+    search, chosen, samples = problem.training, method.LBFGS(), problem.samples(7, 3)
     coefficients = np.outer([1.0, 0.3, 5.0], search.coefficients) * np.random.default_rng(1).uniform(1, 2, (3, 9))
     starts = np.random.default_rng(2).normal(size=(3, problem.space.size))
     several = [Candidate(start, chosen.start(start)) for start in starts]
-    together = optimise.descend(
-        optimise.Search(search.objective, coefficients, search.risk), chosen, several, samples, 3
-    )
+    together = method.descend(method.Search(search.objective, coefficients, search.risk), chosen, several, samples, 3)
     for i, one in enumerate(several):
-        single = optimise.Search(search.objective, coefficients[i], search.risk)
-        alone = optimise.descend(single, chosen, [one], samples, 3)
+        single = method.Search(search.objective, coefficients[i], search.risk)
+        alone = method.descend(single, chosen, [one], samples, 3)
         assert together[1][i] == alone[1][0]
         for a, b in zip(jax.tree.leaves(together[0][i]), jax.tree.leaves(alone[0][0]), strict=True):
             np.testing.assert_array_equal(a, b)
@@ -116,7 +117,7 @@ def test_same_seed_same_bits(rollouts):
 
 def test_what_one_weighting_finds_serves_another(rollouts, monkeypatch):
     """Descents that stand still leave every weighting the best of all that was validated."""
-    monkeypatch.setattr(optimise, "descend", lambda search, chosen, candidates, *_: (candidates, np.zeros(1), 0))
+    monkeypatch.setattr(method, "descend", lambda search, chosen, candidates, *_: (candidates, np.zeros(1), 0))
     front = tune_front(scenario(iterations=1), 3)
     for i, weight in enumerate(front.weights):
         costs = front.tried @ [1.0, weight]
@@ -128,7 +129,7 @@ def test_risk_of_a_weighting_is_that_of_its_costs(rollouts):
     vectors, samples = np.random.default_rng(3).normal(size=(4, problem.space.size)), problem.samples(0, 5)
     coefficients = np.random.default_rng(4).uniform(size=(2, 9))
     with jax.enable_x64(True):
-        values = optimise.Search(problem.training.objective, coefficients, risk("cvar", 0.5)).values(vectors, samples)
+        values = method.Search(problem.training.objective, coefficients, risk("cvar", 0.5)).values(vectors, samples)
         costs = terms_of(vectors, samples.rows)
         expected = [risk("cvar", 0.5)(costs[i] @ coefficients[i // 2]) for i in range(4)]  # two vectors per candidate
     np.testing.assert_allclose(values, expected, rtol=1e-12)

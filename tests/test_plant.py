@@ -6,9 +6,9 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax import plant, robot
-from coopmm_jax.constraints import sliding_rows
-from coopmm_jax.model import build_model
+from coopmm_jax.mechanics import plant, robot_kinematics
+from coopmm_jax.mechanics.constraints import sliding_rows
+from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import Disturbance, Hardware, Parameters, Structure
 from tests.oracles import hardware, lagrangian
 from tests.samples import ROW_SETS, assert_close, joined, positions, random_pair, vector
@@ -43,7 +43,7 @@ class Case:
         self.u = joined(self.kinematics.velocity)
         self.torque = rng.uniform(-20, 20, (2, 5))
         force = (
-            robot.actuator_force(g, p, tuple(torque.tolist()))
+            robot_kinematics.actuator_force(g, p, tuple(torque.tolist()))
             for g, p, torque in zip(pair.geometry, positions(self.q), self.torque, strict=True)
         )
         self.moved = plant.respond(self.structure, self.model, NOW, self.kinematics, tuple(force))

@@ -4,13 +4,13 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax import robot
-from coopmm_jax.model import build_model
+from coopmm_jax.control.reference import desired_motion
+from coopmm_jax.loop.rollout import as_scalars
+from coopmm_jax.loop.sampled_loop import draw_noise
+from coopmm_jax.mechanics import robot_kinematics
+from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import ALL_ROWS, Parameters
-from coopmm_jax.reference import desired_motion
-from coopmm_jax.rollout import as_scalars
-from coopmm_jax.sampled_loop import draw_noise
-from coopmm_jax.scenario import load_scenario
+from coopmm_jax.scenario.scenario import load_scenario
 from tests.oracles import hardware, lagrangian
 from tests.runs_apart import runs_apart
 from tests.samples import poses
@@ -106,7 +106,7 @@ def test_free_joints_hold_the_posture_that_meets_every_row(t):
     postures, desired = build_model(parameters).posture, desired_motion(parameters.reference, t)
     q = np.array(
         [
-            robot.unchained(robot.Position(d.z1, d.z2, d.z3, *d.arm, *posture))
+            robot_kinematics.unchained(robot_kinematics.Position(d.z1, d.z2, d.z3, *d.arm, *posture))
             for d, posture in zip(desired, postures, strict=True)
         ]
     )

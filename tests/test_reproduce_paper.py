@@ -7,8 +7,8 @@ import pytest
 
 import coopmm_jax as cm
 from coopmm_jax import plotting
-from coopmm_jax.lyapunov import analyse
-from coopmm_jax.metric_table import SHOWN
+from coopmm_jax.metrics.table import SHOWN
+from coopmm_jax.proof.lyapunov import analyse
 from coopmm_jax.status import Status
 from experiments import reproduce_paper
 

@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax import robot, robot_dynamics
-from coopmm_jax.components import dot
+from coopmm_jax.algebra.matrix import dot
+from coopmm_jax.mechanics import robot_dynamics, robot_kinematics
 from coopmm_jax.parameters import Pose
 from tests.oracles import lagrangian, mujoco_tree
 from tests.samples import GRAVITY, assert_close, linear_map, random_robot, vector
@@ -26,8 +26,8 @@ def sample(seed):
 
 def equation_of_motion(geometry, inertia, q, u):
     """M_i2 (5, 5) and C_i2 u + G_i2 (5,) of (9), as the simulator's inverse dynamics has them."""
-    position = robot.chained(Pose(*q.tolist()))
-    arm, T = robot.posture(geometry, position), robot.body_map(position)
+    position = robot_kinematics.chained(Pose(*q.tolist()))
+    arm, T = robot_kinematics.posture(geometry, position), robot_kinematics.body_map(position)
     velocity = tuple(u.tolist())
     factors = robot_dynamics.factors(geometry, GRAVITY, arm, T @ velocity)
     terms = robot_dynamics.dynamics(robot_dynamics.lump(geometry, inertia), factors, position, T, velocity)
@@ -70,27 +70,27 @@ def test_inertia_is_symmetric_and_positive_definite(seed):
 @pytest.mark.parametrize("seed", SEEDS[:5])
 def test_chained_form_and_back(seed):
     *_, q, _ = sample(seed)
-    position = robot.chained(Pose(*q.tolist()))
+    position = robot_kinematics.chained(Pose(*q.tolist()))
     assert_close(vector(position)[:3], lagrangian.chained_position(q), 1e-15)
-    assert_close(vector(robot.unchained(position)), q, 1e-15)
+    assert_close(vector(robot_kinematics.unchained(position)), q, 1e-15)
 
 
 @pytest.mark.parametrize("seed", SEEDS[:5])
 def test_actuators_and_back(seed):
     geometry, _, q, u = sample(seed)
-    position = robot.chained(Pose(*q.tolist()))
-    B = linear_map(lambda torque: vector(robot.actuator_force(geometry, position, torque)), 5)
+    position = robot_kinematics.chained(Pose(*q.tolist()))
+    B = linear_map(lambda torque: vector(robot_kinematics.actuator_force(geometry, position, torque)), 5)
     assert_close(B, lagrangian.input_matrix(geometry, q), 1e-15)
     torque = tuple(u.tolist())
-    force = robot.actuator_force(geometry, position, torque)
-    assert_close(vector(robot.actuator_torque(geometry, position, force)), u, 1e-15)
+    force = robot_kinematics.actuator_force(geometry, position, torque)
+    assert_close(vector(robot_kinematics.actuator_torque(geometry, position, force)), u, 1e-15)
 
 
 @pytest.mark.parametrize("seed", SEEDS[:5])
 def test_tip_position_and_velocity(seed):
     geometry, _, q, u = sample(seed)
-    position = robot.chained(Pose(*q.tolist()))
-    arm = robot.posture(geometry, position)
+    position = robot_kinematics.chained(Pose(*q.tolist()))
+    arm = robot_kinematics.posture(geometry, position)
     q_dot = np.asarray(lagrangian.chained_basis(q)) @ u
     tip, speed = jax.jvp(lambda q: lagrangian.bodies(geometry, q).tip, (q,), (q_dot,))
 
@@ -100,7 +100,7 @@ def test_tip_position_and_velocity(seed):
         return np.array([v[0] * c + v[1] * s, -v[0] * s + v[1] * c, v[2]])
 
     lateral, forward, up = turned(speed, q[2] + q[3])
-    rates = robot.body_map(position) @ tuple(u.tolist())
-    assert_close(vector(robot.tip_in_platform(geometry, position, arm)), turned(tip, q[2]), 1e-15)
-    rows = robot.tip_rows(geometry, arm)
+    rates = robot_kinematics.body_map(position) @ tuple(u.tolist())
+    assert_close(vector(robot_kinematics.tip_in_platform(geometry, position, arm)), turned(tip, q[2]), 1e-15)
+    rows = robot_kinematics.tip_rows(geometry, arm)
     assert_close(vector(dot(row, rates) for row in rows), np.array([forward, -lateral, up]), 1e-14)

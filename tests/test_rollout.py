@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
+from coopmm_jax.loop.rollout import Plan
 from coopmm_jax.parameters import Parameters, Structure
-from coopmm_jax.rollout import Plan
 from coopmm_jax.status import Status
 
 PAPER = Parameters()

@@ -9,14 +9,14 @@ import pytest
 from scipy import stats
 from scipy.integrate import solve_ivp
 
-from coopmm_jax.integrate import rk4_hold
-from coopmm_jax.loop_form import Scalars
-from coopmm_jax.model import build_model
+from coopmm_jax.loop.form import Scalars
+from coopmm_jax.loop.integrate import rk4_hold
+from coopmm_jax.loop.rollout import as_scalars, initial_state
+from coopmm_jax.loop.sampled_loop import draw_noise, sampled_step
+from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.mechanics.plant import disturbance_torque
 from coopmm_jax.parameters import ALL_ROWS, Hardware, Parameters, Structure
-from coopmm_jax.plant import disturbance_torque
-from coopmm_jax.rollout import as_scalars, initial_state
-from coopmm_jax.sampled_loop import draw_noise, sampled_step
-from coopmm_jax.scenario import load_scenario
+from coopmm_jax.scenario.scenario import load_scenario
 from tests.oracles import lagrangian
 from tests.runs_apart import runs_apart
 from tests.samples import poses

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax import simulation
-from coopmm_jax.trajectory import ARRAYS, Trajectory
+from coopmm_jax.runs import simulation
+from coopmm_jax.runs.trajectory import ARRAYS, Trajectory
 
 SIZES = {"t": 1001, "row": 4, "independent": 6, "independent_arm": 2}
 

@@ -8,8 +8,8 @@ import pytest
 
 import coopmm_jax as cm
 from coopmm_jax.errors import UserError
-from coopmm_jax.store import read_run, result_folder, versions, write_json, write_run
-from coopmm_jax.trajectory import ARRAYS
+from coopmm_jax.runs.store import read_run, result_folder, versions, write_json, write_run
+from coopmm_jax.runs.trajectory import ARRAYS
 
 
 def test_new_folder_appears_whole_with_its_parents(tmp_path):

@@ -13,13 +13,13 @@ import pytest
 import xarray
 
 import coopmm_jax as cm
-from coopmm_jax import sweep_tiles
-from coopmm_jax.distributed import Share, concurrently
-from coopmm_jax.metric_table import METRICS
-from coopmm_jax.sampling import sampler
+from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.scenario.sampling import sampler
+from coopmm_jax.scenario.variation import vary
 from coopmm_jax.status import Status
-from coopmm_jax.sweep_store import chunk_file
-from coopmm_jax.uncertainty import vary
+from coopmm_jax.sweeps import measure
+from coopmm_jax.sweeps.processes import Share, concurrently
+from coopmm_jax.sweeps.store import chunk_file
 from tests.sweeps import TILE, bits
 from tests.workers import environment
 
@@ -148,7 +148,7 @@ def test_kept_series_are_those_of_single_simulations(kept):
 
 def test_a_failing_sample_changes_no_bit_of_its_neighbours(scenario):
     variation, device = vary(scenario), jax.devices()[0]
-    horizon = sweep_tiles.Horizon(1e-3, 50, "float64")
+    horizon = measure.Horizon(1e-3, 50, "float64")
     points = np.full((TILE, len(variation.draws)), 0.3)
     points += np.linspace(0.0, 0.1, TILE)[:, None]
     healthy = variation.batch(points, range(TILE))
@@ -156,7 +156,7 @@ def test_a_failing_sample_changes_no_bit_of_its_neighbours(scenario):
     scale[2], x[5] = 1e7, 9.0
     start = (healthy.start[0]._replace(x=x), healthy.start[1])
     broken = healthy._replace(disturbance=healthy.disturbance._replace(scale=scale), start=start)
-    before, after = (sweep_tiles.measure(variation.structure(), horizon, device, p) for p in (healthy, broken))
+    before, after = (measure.measure(variation.structure(), horizon, device, p) for p in (healthy, broken))
     assert before.status.tolist() == [Status.OK] * TILE
     assert np.flatnonzero(after.status).tolist() == [2, 5]
     assert after.status[5] == Status.UNREACHABLE

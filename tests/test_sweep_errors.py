@@ -5,12 +5,12 @@ import resource
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax import sweep_report
 from coopmm_jax.cli import main
-from coopmm_jax.distributed import Share
 from coopmm_jax.errors import UserError
-from coopmm_jax.sweep_statistics import read_results
-from coopmm_jax.sweep_store import chunk_file
+from coopmm_jax.sweeps import report
+from coopmm_jax.sweeps.processes import Share
+from coopmm_jax.sweeps.statistics import read_results
+from coopmm_jax.sweeps.store import chunk_file
 from tests.sweeps import bits
 
 
@@ -135,6 +135,6 @@ def test_a_sample_that_is_not_there_yet(sweep, tmp_path):
         cm.replay(half, 9)
     results = read_results(half)
     assert results.index.tolist() == list(range(8))
-    assert "8 of 16 samples (the rest is not there yet)" in sweep_report.text(results)
+    assert "8 of 16 samples (the rest is not there yet)" in report.text(results)
     with pytest.raises(UserError, match=r"^store: must be a sweep with at least one computed tile, was empty$"):
         read_results(half.isel(sample=slice(8, None)))

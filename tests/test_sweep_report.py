@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coopmm_jax import plotting, sweep_report, sweep_statistics
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
 from coopmm_jax.status import Status
-from coopmm_jax.sweep_statistics import read_results
-from coopmm_jax.sweep_tiles import SERIES
+from coopmm_jax.sweeps import figures, report, statistics
+from coopmm_jax.sweeps.measure import SERIES
+from coopmm_jax.sweeps.statistics import read_results
 from tests.sweeps import REQUIRED
 
 
@@ -23,27 +23,24 @@ def test_report_numbers(thousand):
     ok = thousand.status.values == Status.OK
     pressing = ok & (table["force_min"] >= -90)
     calm = ok & (table["torque_peak"] <= 200)
-    rows = sweep_statistics.outcomes(results)
+    rows = statistics.outcomes(results)
     assert [row.passed for row in rows] == [ok.sum(), pressing.sum(), calm.sum(), (pressing & calm).sum()]
     assert 0 < rows[3].passed < rows[0].passed < 1000
     force = table["force_min"][ok]
-    summary = sweep_statistics.spread(results, "force_min")
+    summary = statistics.spread(results, "force_min")
     assert summary[:4] == (np.median(force), *np.quantile(force, [0.05, 0.95]), force.min())
     assert table["force_min"][summary.worst_sample] == force.min()
-    assert sweep_statistics.spread(results, "force_max").worst == table["force_max"][ok].max()
+    assert statistics.spread(results, "force_max").worst == table["force_max"][ok].max()
 
 
 def test_what_matters_is_found(thousand):
     results = read_results(thousand)
-    assert sweep_statistics.telling(results) == ["completed", *REQUIRED]
-    for metric in sweep_statistics.telling(results):
-        strongest, interval = next(iter(sweep_statistics.sensitivities(results, metric).items()))
+    assert statistics.telling(results) == ["completed", *REQUIRED]
+    for metric in statistics.telling(results):
+        strongest, interval = next(iter(statistics.sensitivities(results, metric).items()))
         assert strongest == "disturbance.scale"
         assert interval.low < interval.estimate < interval.high
-    assert (
-        sweep_statistics.worst_samples(results, "completed", 3).tolist()
-        == results.index[~results.completed][:3].tolist()
-    )
+    assert statistics.worst_samples(results, "completed", 3).tolist() == results.index[~results.completed][:3].tolist()
 
 
 def test_intervals_of_rank_correlation_cover_the_truth():
@@ -51,7 +48,7 @@ def test_intervals_of_rank_correlation_cover_the_truth():
     r = 0.6
     truth = 6 / np.pi * np.arcsin(r / 2)  # Spearman's of a bivariate normal distribution
     pairs = rng.multivariate_normal([0, 0], [[1, r], [r, 1]], (400, 100))
-    intervals = [sweep_statistics.rank_correlation(x, y) for x, y in pairs.transpose(0, 2, 1)]
+    intervals = [statistics.rank_correlation(x, y) for x, y in pairs.transpose(0, 2, 1)]
     assert intervals[0].estimate == pytest.approx(stats.spearmanr(*pairs[0].T).statistic, rel=1e-14)
     covered = sum(interval.low <= truth <= interval.high for interval in intervals)
     assert 366 <= covered <= 392  # 95 % of 400, give or take three standard deviations
@@ -59,13 +56,13 @@ def test_intervals_of_rank_correlation_cover_the_truth():
 
 def test_report_text_and_files(kept, tmp_path):
     results = read_results(kept)
-    text = sweep_report.text(results)
+    text = report.text(results)
     assert "100 samples of 0.05 s, seed 0" in text
     failed = int((~results.completed | ~np.logical_and.reduce([results.met(r) for r in results.requirements])).sum())
     assert f"failed samples: {failed}\n" in text
     first = int(results.index[~results.completed][0])
     assert f"\n  {first:8}  SPEED at t = " in text
-    sweep_report.write_report(tmp_path, kept)
+    report.write_report(tmp_path, kept)
     assert (tmp_path / "report.txt").read_text() == text + "\n"
     assert len((tmp_path / "failed.csv").read_text().splitlines()) == 1 + failed
     for name in ("bands", "importance", "requirements", "worst"):
@@ -73,27 +70,27 @@ def test_report_text_and_files(kept, tmp_path):
 
 
 def test_figures_show_the_numbers(kept):
-    bands = plotting.sweep_bands(kept)
+    bands = figures.sweep_bands(kept)
     median = bands.axes[2].lines[0]
     np.testing.assert_allclose(median.get_ydata(), np.nanmedian(kept.contact_force.values, axis=0), rtol=1e-12)
-    limits = plotting.sweep_requirements(kept).axes
+    limits = figures.sweep_requirements(kept).axes
     assert [axes.get_xlabel() for axes in limits] == ["force_min [N]", "torque_peak [N m]"]
     assert limits[0].get_title().startswith("force_min >= -90\nmet by 0.")
     assert sum(patch.get_height() for patch in limits[0].containers[0]) == (kept.status.values == 0).sum()
-    importance = plotting.sweep_importance(kept).axes
+    importance = figures.sweep_importance(kept).axes
     assert importance[1].get_yticklabels()[-1].get_text() == "disturbance.scale"
-    worst = plotting.sweep_worst(kept).axes[2]
+    worst = figures.sweep_worst(kept).axes[2]
     assert worst.get_title() == "10 worst of\ntorque_peak"
     assert worst.lines[-1].get_xdata().min() > 0.5
 
 
 def test_figures_refuse_what_they_cannot_draw(thousand, sweep, scenario):
     with pytest.raises(UserError, match=r"^keep: must be at least 1 for bands over time, was 0$"):
-        plotting.sweep_bands(thousand)
+        figures.sweep_bands(thousand)
     quiet = sweep(8, scenario.with_overrides({"requirements": {"contact_loss_fraction": "<= 1"}}), sampling="sobol")
-    assert sweep_statistics.telling(read_results(quiet.isel(sample=slice(2)))) == []
+    assert statistics.telling(read_results(quiet.isel(sample=slice(2)))) == []
     with pytest.raises(UserError, match=r"^sweep: must be one with samples that differ"):
-        plotting.sweep_worst(quiet.isel(sample=slice(2)))
+        figures.sweep_worst(quiet.isel(sample=slice(2)))
 
 
 def test_simulate_from_a_store(sweep, thousand, tmp_path, capsys):
@@ -123,12 +120,12 @@ def test_html_is_compact_and_starts_with_what_every_sample_has(kept):
 
 def test_requirements_are_drawn_where_no_sample_completes(kept):
     lost = kept.isel(sample=kept.status.values != Status.OK)
-    assert [axes.get_yscale() for axes in plotting.sweep_requirements(lost).axes] == ["linear", "linear"]
+    assert [axes.get_yscale() for axes in figures.sweep_requirements(lost).axes] == ["linear", "linear"]
 
 
 def test_bars_keep_their_width_far_from_the_limit(kept):
     results = read_results(kept)
     far = replace(results, scenario=results.scenario.with_overrides({"requirements.force_min": ">= 1e4"}))
-    axes = plotting.sweep_requirements(far).axes[0]
+    axes = figures.sweep_requirements(far).axes[0]
     (bar, *_) = (patch for patch in axes.containers[0] if patch.get_height() > 0)
     assert bar.get_width() > 0.02 * np.ptp(axes.get_xlim())

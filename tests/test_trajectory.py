@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax.metric_table import METRICS, SHOWN
+from coopmm_jax.metrics.table import METRICS, SHOWN
 
 
 @pytest.fixture(scope="module")

@@ -12,14 +12,17 @@ import pytest
 
 import tuning
 from coopmm_jax.errors import UserError
-from coopmm_jax.scenario import load_scenario
-from tuning import measure, optimise, report, state, tiles
-from tuning import objective as objective_module
-from tuning import problem as problem_module
-from tuning.measure import Comparison
-from tuning.objective import FAILED, TERMS
-from tuning.optimise import Candidate, Search
-from tuning.risk import risk
+from coopmm_jax.scenario.scenario import load_scenario
+from tuning.cost import evaluate as tiles
+from tuning.cost import objective as objective_module
+from tuning.cost import problem as problem_module
+from tuning.cost.objective import FAILED, TERMS
+from tuning.cost.risk import risk
+from tuning.reports import tune
+from tuning.search import method
+from tuning.search.method import Candidate, Search
+from tuning.studies import comparison, state
+from tuning.studies.comparison import Comparison
 
 MASS = {"plant.m_p": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}}
 QUICK = {"validation_samples": 4, "test_samples": 8, "race_samples": 2, "samples": 3, "starts": 16, "horizon": 2.0}
@@ -68,7 +71,7 @@ def rollouts(monkeypatch):
         samples = problem.samples(first, count)
         found = evaluate(None, vectors, samples)
         metrics = {name: np.ones((2, count)) for name in ("contact_loss_fraction", "force_min")}
-        series = {name: np.ones((2, 2, 3)) for name in measure.sweep_tiles.SERIES}
+        series = {name: np.ones((2, 2, 3)) for name in comparison.sweep_tiles.SERIES}
         costs = found.costs(problem.validation.coefficients)
         return Comparison(costs, found.terms, metrics, np.where(found.completed, 0, 1), np.arange(3.0), series)
 
@@ -77,7 +80,7 @@ def rollouts(monkeypatch):
     monkeypatch.setattr(
         tiles, "compile_gradients", lambda o, samples: Stand.begun.append((o, samples.structure, samples.rows.shape[1]))
     )
-    monkeypatch.setattr(sys.modules["tuning.tune"], "compare", compare)  # tuning.tune is the function
+    monkeypatch.setattr(sys.modules["tuning.studies.tune"], "compare", compare)  # tuning.tune is the function
     return Stand
 
 
@@ -128,10 +131,10 @@ def test_killed_and_resumed_is_uninterrupted(rollouts, tmp_path, settings):
 
 def test_a_descent_does_not_depend_on_those_beside_it(rollouts):
     problem = problem_module.build_problem(scenario())
-    chosen, samples = optimise.LBFGS(), problem.samples(7, 3)
+    chosen, samples = method.LBFGS(), problem.samples(7, 3)
     starts = [Candidate(x, chosen.start(x)) for x in np.random.default_rng(0).normal(size=(8, problem.space.size))]
-    together, _, _ = optimise.descend(problem.training, chosen, starts, samples, 3)
-    alone, _, _ = optimise.descend(problem.training, chosen, starts[4:5], samples, 3)
+    together, _, _ = method.descend(problem.training, chosen, starts, samples, 3)
+    alone, _, _ = method.descend(problem.training, chosen, starts[4:5], samples, 3)
     for a, b in zip(jax.tree.leaves(together[4]), jax.tree.leaves(alone[0]), strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -140,7 +143,7 @@ def test_lbfgs_solves_a_quadratic_in_as_many_steps_as_it_has_pairs():
     """With exact curvature pairs of a 6-dimensional quadratic the two-loop direction becomes Newton's."""
     rng = np.random.default_rng(1)
     A = rng.normal(size=(6, 6))
-    H, chosen = A @ A.T + np.eye(6), optimise.LBFGS()
+    H, chosen = A @ A.T + np.eye(6), method.LBFGS()
     memory, conjugate = chosen.start(np.zeros(6)), np.linalg.eigh(H)[1].T
     for step in conjugate:
         memory = chosen.learn(memory, step, H @ step)
@@ -150,7 +153,7 @@ def test_lbfgs_solves_a_quadratic_in_as_many_steps_as_it_has_pairs():
 
 
 def test_a_pair_of_negative_curvature_is_not_learnt():
-    chosen = optimise.LBFGS()
+    chosen = method.LBFGS()
     memory = chosen.start(np.zeros(2))
     assert chosen.learn(memory, np.ones(2), -np.ones(2)) is memory
 
@@ -159,10 +162,10 @@ def test_a_pair_of_negative_curvature_is_not_learnt():
 def test_steps_into_failing_gains_are_rejected_and_shortened(rollouts, optimiser):
     """Gains beyond a wall fail: the descent comes close and stays on the near side, and says how often it was held."""
     problem = problem_module.build_problem(scenario())
-    chosen = optimise.method(optimiser, 1e3, "constant", None, 1)
+    chosen = method.method(optimiser, 1e3, "constant", None, 1)
     rollouts.lost = lambda vector: vector[0] > -1.3
     start = np.full(problem.space.size, -2.0)
-    candidates, values, rejected = optimise.descend(
+    candidates, values, rejected = method.descend(
         problem.training, chosen, [Candidate(start, chosen.start(start))], problem.samples(7, 3), 4
     )
     assert values[0] < FAILED
@@ -176,13 +179,13 @@ def test_a_gradient_that_is_not_finite_rejects_the_step_and_halves_the_next(roll
     finite = tiles.gradients
     monkeypatch.setattr(tiles, "gradients", lambda *a: (finite(*a)[0], finite(*a)[1] * np.nan))
     start = np.zeros(problem.space.size)
-    chosen = optimise.LBFGS()
-    (candidate,), _, rejected = optimise.descend(
+    chosen = method.LBFGS()
+    (candidate,), _, rejected = method.descend(
         problem.training, chosen, [Candidate(start, chosen.start(start))], problem.samples(7, 3), 2
     )
     np.testing.assert_array_equal(candidate.vector, start)
     assert rejected == 2
-    assert candidate.reach == optimise.REACH / 4
+    assert candidate.reach == method.REACH / 4
 
 
 def test_failed_rollouts_cost_more_the_earlier_they_fail():
@@ -194,32 +197,32 @@ def test_race_keeps_the_best_in_order(rollouts):
     problem = problem_module.build_problem(scenario())
     starts = np.random.default_rng(5).normal(size=(10, problem.space.size))
     samples = problem.samples(3, 2)
-    kept = optimise.race(problem.training, starts, samples, 3)
+    kept = method.race(problem.training, starts, samples, 3)
     values = problem.training.values(starts, samples)
     np.testing.assert_array_equal(kept, starts[np.argsort(values)[:3]])
 
 
 def test_each_iteration_halves_the_descents_and_doubles_their_samples(rollouts, monkeypatch):
-    lanes, descend = [], optimise.descend
+    lanes, descend = [], method.descend
 
     def watched(search, chosen, candidates, samples, steps):
         lanes.append((len(candidates), len(samples), samples.rows[0].tobytes()))
         return descend(search, chosen, candidates, samples, steps)
 
-    monkeypatch.setattr(optimise, "descend", watched)
+    monkeypatch.setattr(method, "descend", watched)
     tuning.tune(scenario(iterations=4, survivors=5, patience=9))
     assert [lane[:2] for lane in lanes] == [(5, 3), (2, 7), (1, 15), (1, 15)]
     assert len({lane[2] for lane in lanes}) == 4  # drawn anew
 
 
 def test_adversaries_are_trained_on_from_then_on(rollouts, monkeypatch):
-    trained, descend = [], optimise.descend
+    trained, descend = [], method.descend
 
     def watched(search, chosen, candidates, samples, steps):
         trained.append(samples.rows)
         return descend(search, chosen, candidates, samples, steps)
 
-    monkeypatch.setattr(optimise, "descend", watched)
+    monkeypatch.setattr(method, "descend", watched)
     tuning.tune(scenario(iterations=3, survivors=1, adversaries=1, patience=9))
     assert [len(rows) for rows in trained] == [3, 4, 5]
     np.testing.assert_array_equal(trained[2][3], trained[1][3])
@@ -230,9 +233,9 @@ def test_adversaries_are_trained_on_from_then_on(rollouts, monkeypatch):
 
 def test_the_better_half_is_kept_best_first():
     candidates = [Candidate(np.array([float(i)]), None) for i in range(5)]
-    kept = optimise.better_half(candidates, np.array([3.0, 1.0, np.inf, 0.5, 2.0]))
+    kept = method.better_half(candidates, np.array([3.0, 1.0, np.inf, 0.5, 2.0]))
     assert [c.vector[0] for c in kept] == [3.0, 1.0]
-    assert optimise.better_half(kept[:1], np.array([7.0])) == kept[:1]
+    assert method.better_half(kept[:1], np.array([7.0])) == kept[:1]
 
 
 def test_search_gradient_weighs_the_samples_by_risk(rollouts):
@@ -256,7 +259,7 @@ def test_outputs(rollouts, tmp_path):
     limits = {"requirements": {"force_min": ">= 0"}}
     settings = scenario(iterations=2).with_overrides(limits | {"law.delta_floor": 0.1})
     result = tuning.tune(settings, out=tmp_path / "out")
-    report.write_report(tmp_path / "out", result)
+    tune.write_report(tmp_path / "out", result)
     written = tomllib.loads((tmp_path / "out" / "gains.toml").read_text())
     assert load_scenario("paper", **written).parameters().gains == result.gains
     rows = list(csv.DictReader((tmp_path / "out" / "history.csv").read_text().splitlines()))

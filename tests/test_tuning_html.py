@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from coopmm_jax.scenario import load_scenario
+from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.status import Status
-from tuning.measure import Comparison
-from tuning.tune import Row, TuningResult
+from tuning.studies.comparison import Comparison
+from tuning.studies.tune import Row, TuningResult
 
 
 def test_html_tells_costs_requirements_and_gains():

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from coopmm_jax.errors import UserError
-from tuning import measure, risk
-from tuning.risk import tail_shares, weighted
+from tuning.cost import risk
+from tuning.cost.risk import tail_shares, weighted
+from tuning.studies import comparison
 
 COSTS = np.random.default_rng(3).lognormal(size=37)
 
@@ -56,9 +57,9 @@ def test_unknown_risk():
 
 def test_ratio_of_paired_values_is_surer_than_of_unpaired_ones():
     """Halved costs: every resample's ratio is a half, however much the costs differ."""
-    change = measure.ratio(np.stack([COSTS, 0.5 * COSTS]))
+    change = comparison.ratio(np.stack([COSTS, 0.5 * COSTS]))
     assert change == pytest.approx((COSTS.mean(), 0.5 * COSTS.mean(), 0.5, 0.5), rel=1e-13)
     other = np.random.default_rng(4).permutation(0.5 * COSTS)
-    unpaired = measure.ratio(np.stack([COSTS, other]))
+    unpaired = comparison.ratio(np.stack([COSTS, other]))
     assert unpaired.low < 0.45
     assert unpaired.high > 0.55

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from coopmm_jax.tuning_schema import Bounds
+from coopmm_jax.scenario.sections.tuning import Bounds
 from tests import tuning_worker
 from tests.workers import run_worker
-from tuning.objective import TERMS
+from tuning.cost.objective import TERMS
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coopmm_jax import requirements, sampling
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Inertia
-from coopmm_jax.sampling import sampler
-from coopmm_jax.scenario import load_scenario
-from coopmm_jax.uncertainty import vary
+from coopmm_jax.scenario import sampling
+from coopmm_jax.scenario.sampling import sampler
+from coopmm_jax.scenario.scenario import load_scenario
+from coopmm_jax.scenario.sections import requirements
+from coopmm_jax.scenario.variation import vary
 
 FACTOR = {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}
 EACH = FACTOR | {"each": True}

@@ -9,12 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax.scenario import load_scenario
-from coopmm_jax.tuning_schema import Bounds
+from coopmm_jax.scenario.scenario import load_scenario
+from coopmm_jax.scenario.sections.tuning import Bounds
 from tests.workers import start_worker
-from tuning import tiles
-from tuning.objective import TERMS
-from tuning.problem import build_problem
+from tuning.cost import evaluate
+from tuning.cost.objective import TERMS
+from tuning.cost.problem import build_problem
 
 HORIZON = 0.1  # [s]
 # Every gain that can be tuned, in a loop where each matters: limits of which the start asks more.
@@ -41,12 +41,12 @@ def main():
     problem = build_problem(load_scenario("sensed", **SCENARIO))
     search, space, samples = problem.training, problem.space, problem.samples(5, 4)
     start = space.start
-    costs, gradients = tiles.gradients(search.objective, start[None], samples, search.coefficients)
+    costs, gradients = evaluate.gradients(search.objective, start[None], samples, search.coefficients)
     moved = np.concatenate([start + sign * STEP * np.eye(space.size) for sign in (1, -1)])
-    ahead, behind = np.split(tiles.evaluate(search.objective, moved, samples).costs(search.coefficients), 2)
+    ahead, behind = np.split(evaluate.evaluate(search.objective, moved, samples).costs(search.coefficients), 2)
     others = np.concatenate([start + 0.1 * np.random.default_rng(0).normal(size=(8, space.size)), start[None]])
     weightings = np.outer([*np.linspace(0.1, 5.0, 8), 1.0], search.coefficients)  # one for each candidate
-    among, slopes = tiles.gradients(search.objective, others, samples, weightings)
+    among, slopes = evaluate.gradients(search.objective, others, samples, weightings)
     parameters = jax.tree.unflatten(samples.structure, list(jnp.asarray(samples.rows.T)))
     plain = jax.vmap(search.objective.cost, in_axes=(None, 0, None))(start, parameters, search.coefficients)
     results = {
@@ -56,7 +56,7 @@ def main():
         "among": [among[8].tolist(), slopes[8].tolist()],
         "plain": plain.tolist(),
         "names": space.labels(),
-        "terms": tiles.evaluate(search.objective, start[None], samples).terms[0].tolist(),
+        "terms": evaluate.evaluate(search.objective, start[None], samples).terms[0].tolist(),
     }
     print(json.dumps(results))
 

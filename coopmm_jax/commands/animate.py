@@ -11,11 +11,11 @@ import coopmm_jax
 from coopmm_jax.commands import DONE, ROLLOUT_FAILED
 from coopmm_jax.commands.fields import OVERRIDES
 from coopmm_jax.errors import UserError
-from coopmm_jax.scenario import Scenario, list_scenarios, load_scenario
-from coopmm_jax.store import read_run, result_folder
+from coopmm_jax.runs.store import read_run, result_folder
+from coopmm_jax.scenario.scenario import Scenario, list_scenarios, load_scenario
 
 if TYPE_CHECKING:
-    from coopmm_jax.trajectory import Trajectory
+    from coopmm_jax.runs.trajectory import Trajectory
 
 
 def add(commands: Any) -> None:
@@ -43,15 +43,15 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     Raises:
         UserError: overrides that change nothing, or as ``animate``, ``load_scenario`` and ``read_run``.
     """
-    from coopmm_jax import animation  # imports matplotlib
+    from coopmm_jax.animation.film import film  # imports matplotlib
 
     path = Path(options.out).expanduser()
-    write, look = animation.writer(path), {"fps": options.fps, "speed": options.speed, "width": options.width}
-    animation.check_look(**look, count=1 if options.against is None else 2)
+    write, look = film.writer(path), {"fps": options.fps, "speed": options.speed, "width": options.width}
+    film.check_look(**look, count=1 if options.against is None else 2)
     shown = _shown(options, changes)
     with result_folder(path.parent) as folder:
         runs = {label: _trajectory(source) for label, source in shown.items()}
-        frames = animation.Animation(*runs.values(), labels=list(runs) if len(runs) > 1 else None, **look)
+        frames = film.Animation(*runs.values(), labels=list(runs) if len(runs) > 1 else None, **look)
         write(frames, folder / path.name)
     print(f"written to {options.out}: {len(frames)} frames")
     return _outcome(runs)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, get_args, get_origin
 
-from coopmm_jax.scenario import Scenario
+from coopmm_jax.scenario.scenario import Scenario
 
 OVERRIDES = "[--section.field VALUE ...]"
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.errors import UserError
-from coopmm_jax.store import result_folder
+from coopmm_jax.runs.store import result_folder
 
 if TYPE_CHECKING:
     import xarray
 
-    from coopmm_jax.scenario import Scenario
+    from coopmm_jax.scenario.scenario import Scenario
 
 
 def add(commands: Any) -> None:
@@ -38,7 +38,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     for name in changes:
         if not name.startswith("requirements."):
             raise UserError(f"--{name}", "one of --requirements.METRIC, which alone can be changed after a sweep", name)
-    from coopmm_jax import sweep_store  # imports zarr
+    from coopmm_jax.sweeps import store as sweep_store  # imports zarr
 
     data = sweep_store.read_store(options.store)
     scenario = sweep_store.scenario_of(data).with_overrides(changes)
@@ -56,9 +56,9 @@ def report_folder(store: str | Path) -> Path:
 
 def write_and_print(folder: Path, data: xarray.Dataset, scenario: Scenario | None = None) -> None:
     """The report of a data set, into a folder and on the screen."""
-    from coopmm_jax import sweep_report
-    from coopmm_jax.sweep_statistics import read_results
+    from coopmm_jax.sweeps import report
+    from coopmm_jax.sweeps.statistics import read_results
 
     results = read_results(data, scenario)
-    sweep_report.write_report(folder, data, results)
-    print(sweep_report.text(results))
+    report.write_report(folder, data, results)
+    print(report.text(results))

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from coopmm_jax.commands import DONE
-from coopmm_jax.scenario import list_scenarios
+from coopmm_jax.scenario.scenario import list_scenarios
 
 
 def add(commands: Any) -> None:

@@ -10,11 +10,11 @@ import coopmm_jax
 from coopmm_jax.commands import DONE, ROLLOUT_FAILED
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
 from coopmm_jax.errors import UserError
-from coopmm_jax.gains_file import read_gains
-from coopmm_jax.metric_table import METRICS, SHOWN
-from coopmm_jax.overrides import merged
-from coopmm_jax.scenario import Scenario, load_scenario
-from coopmm_jax.store import result_folder, write_run
+from coopmm_jax.metrics.table import METRICS, SHOWN
+from coopmm_jax.runs.store import result_folder, write_run
+from coopmm_jax.scenario.gains_file import read_gains
+from coopmm_jax.scenario.overrides import merged
+from coopmm_jax.scenario.scenario import Scenario, load_scenario
 
 
 def add(commands: Any) -> None:
@@ -76,7 +76,7 @@ def _scenario(options: argparse.Namespace, changes: dict[str, Any]) -> Scenario:
         raise UserError("--from", "given in place of SCENARIO", f"given with {options.scenario}")
     if options.sample is None:
         raise UserError("--sample", "given together with --from", "missing")
-    from coopmm_jax.sweep_replay import replay  # imports zarr
+    from coopmm_jax.sweeps.replay import replay  # imports zarr
 
     return replay(options.store, options.sample).with_overrides(changes)
 

@@ -9,9 +9,9 @@ from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
 from coopmm_jax.commands.report import report_folder, write_and_print
 from coopmm_jax.errors import UserError
-from coopmm_jax.overrides import merged, read_toml
-from coopmm_jax.scenario import load_scenario
-from coopmm_jax.store import result_folder
+from coopmm_jax.runs.store import result_folder
+from coopmm_jax.scenario.overrides import merged, read_toml
+from coopmm_jax.scenario.scenario import load_scenario
 
 
 def add(commands: Any) -> None:
@@ -49,8 +49,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     if options.uncertainty:
         changes = merged(_uncertainty_file(options.uncertainty), changes)
     scenario = load_scenario(options.scenario, **changes)
-    from coopmm_jax.distributed import share  # imports JAX, as does the next
-    from coopmm_jax.sweep_run import sweep
+    from coopmm_jax.sweeps.processes import share  # imports JAX, as does the next
+    from coopmm_jax.sweeps.run import sweep
 
     mine = share(options.rank, options.size, options.coordinator, options.distributed)
     names = ("samples", "seed", "sampling", "out", "resume", "keep", "tile")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from coopmm_jax.components import Scalar, Vector, dot, norm, scaled
+from coopmm_jax.algebra.matrix import Scalar, Vector, dot, norm, scaled
 from coopmm_jax.parameters import Gains, Structure
 
 

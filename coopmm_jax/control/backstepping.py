@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from coopmm_jax.components import Scalar, Vector
+from coopmm_jax.algebra.matrix import Scalar, Vector
+from coopmm_jax.control.reference import Desired
+from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import Gains
-from coopmm_jax.reference import Desired
-from coopmm_jax.robot import Position
 
 
 class Errors(NamedTuple):

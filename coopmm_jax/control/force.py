@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from coopmm_jax.components import Vector, minus
+from coopmm_jax.algebra.matrix import Vector, minus
 from coopmm_jax.parameters import Gains
 
 

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import jax
 
-from coopmm_jax import constrained_dynamics, coupling, robot
-from coopmm_jax.components import Scalar, Vector, minus, norm, plus, scaled
+from coopmm_jax.algebra.matrix import Scalar, Vector, minus, norm, plus, scaled
 from coopmm_jax.control import adaptive, backstepping
-from coopmm_jax.model import Model
+from coopmm_jax.control.reference import Desired, desired_motion
+from coopmm_jax.mechanics import constrained_dynamics, partitioning, robot_kinematics
+from coopmm_jax.mechanics.model import Model
 from coopmm_jax.parameters import Structure
-from coopmm_jax.reference import Desired, desired_motion
 
 
 class Memory(NamedTuple):
@@ -41,13 +41,15 @@ class MotionCommand(NamedTuple):
     c_hat_rate: Vector
 
 
-def split(part: coupling.Partition, independent: Vector) -> tuple[Vector, Vector]:
+def split(part: partitioning.Partition, independent: Vector) -> tuple[Vector, Vector]:
     """The independent velocities (n,) of each robot."""
     first = len(part.independent[0])
     return tuple(independent[:first]), tuple(independent[first:])
 
 
-def arm_joints(part: coupling.Partition, position: tuple[robot.Position, robot.Position]) -> tuple[Vector, Vector]:
+def arm_joints(
+    part: partitioning.Partition, position: tuple[robot_kinematics.Position, robot_kinematics.Position]
+) -> tuple[Vector, Vector]:
     """Independent arm joints of each robot [rad]: u's entry j >= 2 is the rate of Position's field j + 1."""
     return tuple(
         tuple(p[j + 1] for j in joints if j >= 2) for p, joints in zip(position, part.independent, strict=True)
@@ -60,7 +62,7 @@ def with_posture(desired: Desired, posture: Vector, count: int) -> Desired:
     return desired._replace(arm=desired.arm + tuple(held), arm_rate=desired.arm_rate + (0.0,) * len(held))
 
 
-def reference_velocities(model: Model, part: coupling.Partition, t: Scalar, position: tuple, eta: tuple) -> Vector:
+def reference_velocities(model: Model, part: partitioning.Partition, t: Scalar, position: tuple, eta: tuple) -> Vector:
     """z (n,) of both robots, (12) and (13)."""
     arms = arm_joints(part, position)
     return sum(
@@ -74,17 +76,19 @@ def reference_velocities(model: Model, part: coupling.Partition, t: Scalar, posi
     )
 
 
-def position_rates(position: tuple, velocity: tuple[Vector, Vector]) -> tuple[robot.Position, robot.Position]:
+def position_rates(
+    position: tuple, velocity: tuple[Vector, Vector]
+) -> tuple[robot_kinematics.Position, robot_kinematics.Position]:
     """(8) for both robots: rates of all twelve coordinates from u (5,) of each."""
     return tuple(
-        robot.Position(*backstepping.chained_rates(p, u[0], u[1]), *u[2:])
+        robot_kinematics.Position(*backstepping.chained_rates(p, u[0], u[1]), *u[2:])
         for p, u in zip(position, velocity, strict=True)
     )
 
 
 def motion_errors(
     model: Model,
-    part: coupling.Partition,
+    part: partitioning.Partition,
     t: Scalar,
     position: tuple,
     rates: tuple,
@@ -118,7 +122,7 @@ def motion_errors(
 
 
 def motion_control(
-    structure: Structure, model: Model, t: Scalar, k: coupling.Kinematics, independent: Vector, memory: Memory
+    structure: Structure, model: Model, t: Scalar, k: partitioning.Kinematics, independent: Vector, memory: Memory
 ) -> MotionCommand:
     """(18)-(24) with the nominal model, and the generalised force F on all joints.
 
@@ -149,18 +153,18 @@ def motion_control(
     )
 
 
-def coordinate_speed(k: coupling.Kinematics, independent: Vector) -> Scalar:
+def coordinate_speed(k: partitioning.Kinematics, independent: Vector) -> Scalar:
     """|zetadot| over all twelve coordinates: (8) makes each of them a velocity u, but for z2dot = u1 z3.
 
     Args:
         independent: u^1 (n,), as in ``k.velocity``.
     """
-    _, dependent = coupling.parted(k.reduction.part, k.velocity)
+    _, dependent = partitioning.parted(k.reduction.part, k.velocity)
     lateral = tuple(u[0] * p.z3 for u, p in zip(k.velocity, k.bodies.position, strict=True))
     return norm((*independent, *dependent[0], *dependent[1], *lateral))
 
 
-def regressors(k: coupling.Kinematics, acceleration: Vector, independent: Vector) -> adaptive.Regressors:
+def regressors(k: partitioning.Kinematics, acceleration: Vector, independent: Vector) -> adaptive.Regressors:
     """f_k of (19); |L| is the Frobenius norm.
 
     Args:
@@ -172,23 +176,23 @@ def regressors(k: coupling.Kinematics, acceleration: Vector, independent: Vector
         coriolis=speed,
         coriolis_rate=coordinate_speed(k, independent) * speed,
         gravity=1.0,
-        disturbance=coupling.velocity_map_norm(k.reduction),
+        disturbance=partitioning.velocity_map_norm(k.reduction),
     )
 
 
-def _nominal_force(model: Model, k: coupling.Kinematics, acceleration: Vector) -> tuple[Vector, Vector]:
+def _nominal_force(model: Model, k: partitioning.Kinematics, acceleration: Vector) -> tuple[Vector, Vector]:
     """M0 (L (nudot - K_sigma sigma) + Ldot u^1) + h0 on each robot; L^T times it is U1 of (18)."""
-    wanted = tuple(plus(a, b) for a, b in zip(coupling.expand(k.reduction, acceleration), k.L_rate, strict=True))
+    wanted = tuple(plus(a, b) for a, b in zip(partitioning.expand(k.reduction, acceleration), k.L_rate, strict=True))
     dynamics = constrained_dynamics.both_dynamics(model.nominal, k)
     return constrained_dynamics.required_force(dynamics, wanted)
 
 
 def _on_all_joints(
-    structure: Structure, reduction: coupling.Reduction, nominal_force: tuple[Vector, Vector], U2: Vector
+    structure: Structure, reduction: partitioning.Reduction, nominal_force: tuple[Vector, Vector], U2: Vector
 ) -> tuple[Vector, Vector]:
     """F with L^T F = U1 + U2: ``projected`` as substituted after (40), ``full`` as in (17)."""
     if structure.feedforward == "full":
-        return tuple(plus(a, b) for a, b in zip(nominal_force, coupling.spread(reduction, U2), strict=True))
-    robust = coupling.on_independent(reduction.part, U2)
+        return tuple(plus(a, b) for a, b in zip(nominal_force, partitioning.spread(reduction, U2), strict=True))
+    robust = partitioning.on_independent(reduction.part, U2)
     both = tuple(plus(a, b) for a, b in zip(nominal_force, robust, strict=True))
-    return coupling.least_equivalent(reduction, both)
+    return partitioning.least_equivalent(reduction, both)

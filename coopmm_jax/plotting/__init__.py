@@ -16,7 +16,6 @@ from coopmm_jax.plotting.motion import arm_angles, chained_errors, platform_angl
 from coopmm_jax.plotting.overview import overview
 from coopmm_jax.plotting.series import series
 from coopmm_jax.plotting.style import caption, save
-from coopmm_jax.plotting.sweeps import sweep_bands, sweep_importance, sweep_requirements, sweep_worst
 
 __all__ = [
     "adaptation",
@@ -32,9 +31,5 @@ __all__ = [
     "platform_paths",
     "save",
     "series",
-    "sweep_bands",
-    "sweep_importance",
-    "sweep_requirements",
-    "sweep_worst",
     "torques",
 ]

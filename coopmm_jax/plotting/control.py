@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from coopmm_jax.coupling import partition
+from coopmm_jax.mechanics.partitioning import partition
 from coopmm_jax.plotting import style
 from coopmm_jax.plotting.lines import Quantity, Run, runs, time_panel
 from coopmm_jax.plotting.motion import ROBOTS, robot_index
 
 if TYPE_CHECKING:
-    from coopmm_jax.trajectory import Trajectory
+    from coopmm_jax.runs.trajectory import Trajectory
 
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 VELOCITIES = ("u1", "u2", "a1", "a2", "a3")  # of one robot: what sigma's entries are errors of

@@ -13,7 +13,7 @@ from coopmm_jax.plotting import style
 from coopmm_jax.plotting.lines import Quantity, Run, longest, runs, samples, time_panel
 
 if TYPE_CHECKING:
-    from coopmm_jax.trajectory import Trajectory
+    from coopmm_jax.runs.trajectory import Trajectory
 
 START = 1.0  # [s] shown of a run's start, or a twentieth of the run if that is less
 FEWEST = 20  # samples shown of a run's start, unless the run has less

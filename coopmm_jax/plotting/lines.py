@@ -17,7 +17,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.plotting import style
 
 if TYPE_CHECKING:
-    from coopmm_jax.trajectory import Trajectory
+    from coopmm_jax.runs.trajectory import Trajectory
 
 POINTS = 2000  # of one line; more than a page has pixels
 TIME = "time [s]"

@@ -14,7 +14,7 @@ from coopmm_jax.plotting import style
 from coopmm_jax.plotting.lines import Run, longest, runs, time_panel
 
 if TYPE_CHECKING:
-    from coopmm_jax.trajectory import Trajectory
+    from coopmm_jax.runs.trajectory import Trajectory
 
 ROBOTS = ("I", "II")
 

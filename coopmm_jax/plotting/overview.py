@@ -12,7 +12,7 @@ from coopmm_jax.plotting import control, force, motion, style
 from coopmm_jax.plotting.lines import Run, runs, time_panel
 
 if TYPE_CHECKING:
-    from coopmm_jax.trajectory import Trajectory
+    from coopmm_jax.runs.trajectory import Trajectory
 
 LAYOUT = (
     ("paths", "errors I", "errors II", "arm yaw"),

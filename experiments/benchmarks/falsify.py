@@ -21,10 +21,10 @@ if __name__ == "__main__":
     runtime.use_fast_compilation()
     runtime.use_compilation_cache()
 
-from coopmm_jax.scenario import Scenario, load_scenario
-from tuning.falsify import falsify, random_costs
-from tuning.objective import FAILED
-from tuning.problem import build_problem
+from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from tuning.cost.objective import FAILED
+from tuning.cost.problem import build_problem
+from tuning.studies.falsify import falsify, random_costs
 
 HORIZON = 3.0  # [s]
 SHARE = 0.1  # of the random samples' rollouts that the search may spend

@@ -19,11 +19,11 @@ import jax
 import numpy as np
 
 from coopmm_jax import runtime
-from coopmm_jax.scenario import load_scenario
-from coopmm_jax.tuning_schema import Bounds
-from tuning import tiles
-from tuning.optimise import Search
-from tuning.problem import build_problem
+from coopmm_jax.scenario.scenario import load_scenario
+from coopmm_jax.scenario.sections.tuning import Bounds
+from tuning.cost import evaluate
+from tuning.cost.problem import build_problem
+from tuning.search.method import Search
 
 LIMIT = 1e-5  # relative, of each gain's derivative
 STEPS = (3e-3, 1e-3, 3e-4, 1e-4)
@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return int(errors.max() > LIMIT)
 
 
-def _problem(duration: float) -> tuple[Search, tuple[str, ...], tiles.Samples]:
+def _problem(duration: float) -> tuple[Search, tuple[str, ...], evaluate.Samples]:
     """The cost over the whole run, the gains, and one sample."""
     settings = {"gains": list(Bounds.model_fields), "channels": "shared", "horizon": duration}
     settings |= {"tracking_from": 0.0, "validation_samples": 1}
@@ -63,12 +63,12 @@ def _problem(duration: float) -> tuple[Search, tuple[str, ...], tiles.Samples]:
     return problem.training, problem.space.names, problem.samples(0, 1)
 
 
-def _reverse(search: Search, start: np.ndarray, samples: tiles.Samples) -> np.ndarray:
+def _reverse(search: Search, start: np.ndarray, samples: evaluate.Samples) -> np.ndarray:
     """The derivative by every number (n,), by reverse mode."""
-    return tiles.gradients(search.objective, start[None], samples, search.coefficients)[1][0, 0]
+    return evaluate.gradients(search.objective, start[None], samples, search.coefficients)[1][0, 0]
 
 
-def _differences(search: Search, start: np.ndarray, samples: tiles.Samples, step: float) -> np.ndarray:
+def _differences(search: Search, start: np.ndarray, samples: evaluate.Samples, step: float) -> np.ndarray:
     """Likewise, by differences."""
     moved = start + step * (OFFSETS[:, None, None] * np.eye(start.size)).reshape(-1, start.size)
     costs = search.values(moved, samples).reshape(len(OFFSETS), start.size)

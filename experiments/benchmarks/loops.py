@@ -27,8 +27,8 @@ import jax
 import jax.numpy as jnp
 
 from coopmm_jax import load_scenario
-from coopmm_jax.rollout import Plan, as_scalars, rollout
-from coopmm_jax.scenario import Scenario
+from coopmm_jax.loop.rollout import Plan, as_scalars, rollout
+from coopmm_jax.scenario.scenario import Scenario
 from experiments.benchmarks.rollout import print_table
 
 DURATIONS = {1: 20.0, 64: 1.0}  # lanes of a batch -> simulated time [s]

@@ -25,8 +25,8 @@ import jax
 import jax.numpy as jnp
 
 from coopmm_jax import load_scenario, runtime
+from coopmm_jax.loop.rollout import Observer, Plan, as_scalars, rollout
 from coopmm_jax.parameters import Parameters, Structure
-from coopmm_jax.rollout import Observer, Plan, as_scalars, rollout
 
 STEP = 1e-3
 BATCH = 64  # lanes of a batch tile: fastest here; smaller ones loop more, larger ones leave the first-level cache

@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from coopmm_jax.scenario import load_scenario
+from coopmm_jax.scenario.scenario import load_scenario
 
 SCENARIO = "paper_full"
 UNCERTAINTY = """

@@ -1,7 +1,8 @@
 """The tuners that are compared: every one is given a meter, the training robots and a seed, and notes its best gains.
 
-All search the same unconstrained numbers (see ``tuning.gains``), from the same Sobol points between the same bounds;
-those that end before the budget does begin again from the next point. Our own draws robots as ``coopmm tune`` does.
+All search the same unconstrained numbers (see ``tuning.cost.gain_space``), from the same Sobol points between the same
+bounds; those that end before the budget does begin again from the next point. Our own draws robots as ``coopmm tune``
+does.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ import numpy as np
 from scipy import optimize
 
 from experiments.benchmarks.tuner_problem import OWN, Meter, samples
-from tuning import optimise
-from tuning.optimise import Candidate
-from tuning.tiles import Samples
+from tuning.cost.evaluate import Samples
+from tuning.search import method
+from tuning.search.method import Candidate
 
 Tuner = Callable[[Meter, Samples, int], None]
 # STARTS serves the local methods too. The rest is ours, for a budget smaller than what the defaults of [tuning] are
@@ -108,18 +109,18 @@ def optuna_tpe(meter: Meter, robots: Samples, seed: int) -> None:
 
 def coopmm(meter: Meter, robots: Samples, seed: int) -> None:
     """``coopmm tune``'s race and descent, on robots of its own instead of the training set."""
-    lbfgs, fixed = optimise.LBFGS(), samples(OWN + RACE, VALIDATION, seed + 1)
+    lbfgs, fixed = method.LBFGS(), samples(OWN + RACE, VALIDATION, seed + 1)
     starts = meter.search.objective.space.starts(STARTS, seed)
-    survivors = optimise.race(meter, starts, samples(OWN, RACE, seed + 1), SURVIVORS)
+    survivors = method.race(meter, starts, samples(OWN, RACE, seed + 1), SURVIVORS)
     meter.note(survivors[0])
     candidates = [Candidate(vector, lbfgs.start(vector)) for vector in survivors]
     best, first = np.inf, OWN + RACE + VALIDATION
     while not meter.spent:
         drawn = samples(first, LANES // len(candidates), seed + 1)
         first += LANES
-        candidates, _, _ = optimise.descend(meter, lbfgs, candidates, drawn, STEPS)
+        candidates, _, _ = method.descend(meter, lbfgs, candidates, drawn, STEPS)
         found = meter.values(np.stack([c.vector for c in candidates]), fixed)
-        candidates = optimise.better_half(candidates, found)
+        candidates = method.better_half(candidates, found)
         if found.min() < best:
             best = float(found.min())
             meter.note(candidates[0].vector)

@@ -16,19 +16,19 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax.closed_loop import Signals
-from coopmm_jax.components import Scalar
-from coopmm_jax.model import build_model
+from coopmm_jax.algebra.matrix import Scalar
+from coopmm_jax.control.reference import desired_force, desired_motion
+from coopmm_jax.loop.closed_loop import Signals
+from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.mechanics.robot_kinematics import actuator_force
 from coopmm_jax.parameters import Parameters
-from coopmm_jax.reference import desired_force, desired_motion
-from coopmm_jax.robot import actuator_force
-from coopmm_jax.sampling import sampler
-from coopmm_jax.scenario import Scenario, load_scenario
-from coopmm_jax.uncertainty import vary
-from tuning.objective import TERMS, Objective
-from tuning.optimise import Search
-from tuning.risk import risk
-from tuning.tiles import Samples
+from coopmm_jax.scenario.sampling import sampler
+from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.scenario.variation import vary
+from tuning.cost.evaluate import Samples
+from tuning.cost.objective import TERMS, Objective
+from tuning.cost.risk import risk
+from tuning.search.method import Search
 
 ROBOTS = 64  # of a set
 DURATION = 4.0  # [s]

@@ -26,8 +26,8 @@ from coopmm_jax import runtime
 from coopmm_jax.plotting.style import panels, pen, save, styled
 from experiments.benchmarks.tuner_methods import TUNERS
 from experiments.benchmarks.tuner_problem import ROBOTS, Clock, Meter, build
-from tuning.optimise import Search
-from tuning.tiles import Samples
+from tuning.cost.evaluate import Samples
+from tuning.search.method import Search
 
 # problem -> (what it is, evaluations on all training robots that a tuner may spend)
 PROBLEMS = {"shared": ("4 shared gains", 40), "separate": ("19 gains", 60)}

@@ -1,0 +1,1 @@
+"""Runs as films: scene, views and skeleton of the robots, and what writes them."""

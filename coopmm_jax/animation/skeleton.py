@@ -1,0 +1,103 @@
+"""Where everything visible is at chosen instants of a run, in world coordinates [m], and outlines of the platforms."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from coopmm_jax.parameters import Geometry
+from coopmm_jax.plotting.motion import midpoints
+
+if TYPE_CHECKING:
+    from coopmm_jax.runs.trajectory import Trajectory
+
+BODY_HALF_WIDTH = 0.8  # of the half track
+REAR, NOSE = 0.7, 0.6  # body behind the axle, and ahead of the platform's centre, in wheel radii
+WHEEL_HALF_THICKNESS = 0.12  # of the wheel's radius
+
+
+class Skeleton(NamedTuple):
+    """Both robots, the contact and its force at F instants. The robot dimension is the one of length 2 after F."""
+
+    t: np.ndarray  # (F,) [s]
+    q: np.ndarray  # (F, 2, 6), as in Trajectory
+    forward: np.ndarray  # (F, 2, 2) unit vector of each platform's heading
+    joints: np.ndarray  # (F, 2, 4, 3): foot and top of the column, elbow, tip
+    desired: np.ndarray  # (F, 2, 2): where the axle midpoints should be
+    along: np.ndarray  # (F, 2) unit vector e of arm II
+    centre: np.ndarray  # (F, 2) of the object's arc
+    radius: np.ndarray  # (F,) of the arc
+    normal: np.ndarray  # (F, 2) horizontal unit vector out of the arc at the contact, away from robot I
+    force: np.ndarray  # (F,) lambda_n [N], along the normal on the object: it presses if positive
+
+
+def skeleton(trajectory: Trajectory, instants: np.ndarray) -> Skeleton:
+    """The run at some of its samples.
+
+    Args:
+        trajectory: the run. instants: indices of samples (F,).
+    """
+    plant = trajectory.scenario.parameters().plant
+    q, point = trajectory.q[instants], trajectory.contact_point[instants]
+    joints = np.stack([_joints(geometry, q[:, i]) for i, geometry in enumerate(plant.geometry)], axis=1)
+    along = _ahead(q[:, 1, 2] + q[:, 1, 3])
+    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    radius = np.hypot(*point.T)
+    return Skeleton(
+        t=trajectory.t[instants],
+        q=q,
+        forward=_ahead(q[..., 2]),
+        joints=joints,
+        desired=midpoints(trajectory.zeta_desired[instants]),
+        along=along,
+        centre=joints[:, 1, 3, :2] - plant.surface.contact_radius * along,
+        radius=radius,
+        normal=(point[:, :1] * along + point[:, 1:] * across) / radius[:, None],
+        force=trajectory.constraint_force[instants, trajectory.rows.index("contact_normal")],
+    )
+
+
+def _ahead(angle: np.ndarray) -> np.ndarray:
+    """Unit vectors (..., 2) of the forward axis at platform angles th, or of e at th + a1."""
+    return np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
+
+
+def _joints(geometry: Geometry, q: np.ndarray) -> np.ndarray:
+    """Column's foot and top, elbow and tip (F, 4, 3) of one robot at q (F, 6)."""
+    pitch2, pitch3 = q[:, 4], q[:, 4] + q[:, 5]
+    reach = np.cumsum([2 * geometry.l2 * np.cos(pitch2), 2 * geometry.l3 * np.cos(pitch3)], axis=0)
+    rise = np.cumsum([2 * geometry.l2 * np.sin(pitch2), 2 * geometry.l3 * np.sin(pitch3)], axis=0)
+    nothing = np.zeros(len(q))
+    reaches = np.stack([nothing, nothing, *reach], axis=-1)
+    heights = np.stack([nothing, *(2 * geometry.l1 + x for x in (nothing, *rise))], axis=-1)
+    mount = q[:, :2] + geometry.mount_offset * _ahead(q[:, 2])
+    horizontal = mount[:, None] + reaches[..., None] * _ahead(q[:, 2] + q[:, 3])[:, None]
+    return np.concatenate([horizontal, heights[..., None]], axis=-1)
+
+
+def body_outline(geometry: Geometry) -> np.ndarray:
+    """Platform seen from above (k, 2) along its lateral and forward axes, from the axle midpoint; pointed ahead."""
+    half, rear = BODY_HALF_WIDTH * geometry.l, -REAR * geometry.r
+    nose = max(geometry.d, 0.0) + NOSE * geometry.r
+    shoulder = nose - 0.7 * half
+    right = [(half, rear), (half, shoulder), (0.25 * half, nose)]
+    return np.array(right + [(-lateral, forward) for lateral, forward in reversed(right)])
+
+
+def wheel_outlines(geometry: Geometry) -> np.ndarray:
+    """Right and left wheel seen from above (2, 4, 2), like ``body_outline``."""
+    thick, r = WHEEL_HALF_THICKNESS * geometry.r, geometry.r
+    wheel = np.array([(-thick, -r), (thick, -r), (thick, r), (-thick, r)])
+    aside = np.array([geometry.l, 0.0])
+    return np.stack([wheel + aside, wheel - aside])
+
+
+def placed(outline: np.ndarray, midpoint: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """World coordinates of an outline (..., 2) given along the axes of a platform.
+
+    >>> placed(np.array([0.0, 1.0]), np.array([5.0, 0.0]), np.array([-1.0, 0.0])).tolist()
+    [4.0, 0.0]
+    """
+    lateral = np.array([forward[1], -forward[0]])
+    return midpoint + outline[..., :1] * lateral + outline[..., 1:] * forward

@@ -1,0 +1,181 @@
+"""The views of an animation: robots from above, arms from the side, contact force over time.
+
+Each view draws once what stands still and keeps an artist for everything that moves, so that ``show`` only moves
+artists and a frame costs no layout.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MultipleLocator
+
+from coopmm_jax.animation.scene import CIRCLE, EDGES, FACES, PRESSES, PULLS, TRAIL, Cast, ForceArrow
+from coopmm_jax.animation.skeleton import WHEEL_HALF_THICKNESS, Skeleton, body_outline, placed, wheel_outlines
+from coopmm_jax.parameters import Geometry
+from coopmm_jax.plotting import lines, style
+
+if TYPE_CHECKING:
+    from coopmm_jax.runs.trajectory import Trajectory
+
+TRAIL_TIME = 2.5  # [s] of the path behind each robot
+THICKNESS = 0.12  # of the object behind its concave surface [m]
+HEIGHT = 0.26  # of the object [m]
+GROUND = 0.05  # seen below the robots from the side [m]
+_ROBOTS = (0, 1)
+
+
+class TopView:
+    """Both robots from above, with the circles they should drive on, and crosses where they should be."""
+
+    def __init__(self, axes: Axes, run: Trajectory, s: Skeleton, reach: float):
+        """
+        Args:
+            reach: to be seen, from the world's origin to all sides [m].
+        """
+        self._s, self._arc = s, _arc(run)
+        plant = run.scenario.parameters().plant
+        axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+        for radius in run.scenario.parameters().reference.radius:
+            _circle(axes, radius, linestyle="-")
+        if "guide_radial" in run.rows:
+            _circle(axes, plant.surface.guide_radius, linestyle=(0, (4, 3)))
+        self.cast = cast = Cast(axes)
+        self._trails = [cast.line(color=TRAIL[i], linewidth=2.0) for i in _ROBOTS]
+        self._outlines = [(*wheel_outlines(g), body_outline(g)) for g in plant.geometry]
+        self._platforms = [cast.platform(i) for i in _ROBOTS]
+        self._names = [cast.text(name, color=EDGES[i]) for i, name in enumerate(("I", "II"))]
+        self._object = cast.polygon(facecolor=FACES[2], edgecolor=EDGES[2], linewidth=0.9)
+        self._arms = {i: cast.arm(i) for i in (1, 0)}
+        self._desired = cast.line(linestyle="", marker="x", markersize=4.5, color="0.25", markeredgewidth=1.0)
+        self._arrow = ForceArrow(cast, run.constraint_force_desired[0])
+
+    def show(self, k: int) -> None:
+        """Move everything to frame k."""
+        s, behind = self._s, slice(np.searchsorted(self._s.t, self._s.t[k] - TRAIL_TIME), k + 1)
+        for i in _ROBOTS:
+            midpoint, forward = s.q[k, i, :2], s.forward[k, i]
+            for polygon, outline in zip(self._platforms[i], self._outlines[i], strict=True):
+                polygon.set_xy(placed(outline, midpoint, forward))
+            self._trails[i].set_data(*s.q[behind, i, :2].T)
+            self._arms[i].set_data(*s.joints[k, i, 1:, :2].T)
+            nose = self._outlines[i][-1][:, 1].max()
+            self._names[i].set_position(midpoint + 0.62 * nose * forward)
+        self._desired.set_data(*s.desired[k].T)
+        across = np.array([-s.along[k, 1], s.along[k, 0]])
+        inner = s.radius[k] * self._arc
+        outer = inner[::-1] * (1.0 + THICKNESS / s.radius[k])
+        self._object.set_xy(s.centre[k] + np.concatenate([inner, outer]) @ np.stack([s.along[k], across]))
+        self._arrow.show(s.joints[k, 0, 3, :2], s.normal[k], s.force[k])
+
+
+class SideView:
+    """Heights along arm II, seen across it; the object stays in the middle, robot I is on its left."""
+
+    def __init__(self, axes: Axes, run: Trajectory, s: Skeleton, half_width: float, top: float):
+        """
+        Args:
+            half_width, top: to be seen, to both sides of the object and above the ground [m].
+        """
+        self._s, self._arc = s, _arc(run)
+        axes.set(xlim=(-half_width, half_width), ylim=(-GROUND, top), aspect="equal")
+        axes.set(xlabel="along arm II [m]", ylabel="height [m]")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(MultipleLocator(0.5))
+        self._geometry = run.scenario.parameters().plant.geometry
+        self.cast = cast = Cast(axes)
+        self._platforms = [cast.platform(i) for i in _ROBOTS]
+        self._columns = [cast.line(color=EDGES[i], linewidth=5.0, solid_capstyle="butt") for i in _ROBOTS]
+        self._object = cast.polygon(facecolor=FACES[2], edgecolor=EDGES[2], linewidth=0.9)
+        self._arms = [cast.arm(i) for i in _ROBOTS]
+        self._names = [cast.text(name, color=EDGES[i]) for i, name in enumerate(("I", "II"))]
+        self._arrow = ForceArrow(cast, run.constraint_force_desired[0])
+
+    def show(self, k: int) -> None:
+        """Move everything to frame k."""
+        s, along = self._s, self._s.along[k]
+        origin = s.joints[k, 1, 3, :2]
+        for i in _ROBOTS:
+            places, heights = (s.joints[k, i, :, :2] - origin) @ along, s.joints[k, i, :, 2]
+            self._columns[i].set_data(places[:2], heights[:2])
+            self._arms[i].set_data(places[1:], heights[1:])
+            axle = (s.q[k, i, :2] - origin) @ along
+            outlines = _platform_from_the_side(self._geometry[i], s.forward[k, i], along)
+            for polygon, outline in zip(self._platforms[i], outlines, strict=True):
+                polygon.set_xy(outline + np.array([axle, 0.0]))
+            self._names[i].set_position((axle + 0.25 * np.sign(axle), 0.85 * self._geometry[i].r))
+        centre, height = (s.centre[k] - origin) @ along, s.joints[k, 1, 3, 2]
+        nearest, farthest = centre + s.radius[k] * self._arc[0, 0], centre + s.radius[k] + THICKNESS
+        self._object.set_xy(_box(nearest, farthest, height - HEIGHT / 2, height + HEIGHT / 2))
+        tip = s.joints[k, 0, 3]
+        contact = np.array([(tip[:2] - origin) @ along, tip[2]])
+        self._arrow.show(contact, np.array([s.normal[k] @ along, 0.0]), s.force[k])
+
+
+class ForceStrip:
+    """The contact force over time: pale where it should be, hatched where it pulls, with a mark at the frame's time."""
+
+    def __init__(self, axes: Axes, run: Trajectory, s: Skeleton, limits: tuple[float, float]):
+        """
+        Args:
+            limits: of the vertical axis [N].
+        """
+        self._s, self._limits = s, limits
+        t, force = lines.samples(run, lambda run: run.constraint_force[:, 0])
+        axes.set(xlabel="time [s]", ylabel="force [N]", ylim=limits)
+        axes.axhline(run.constraint_force_desired[0], **style.REFERENCE)
+        axes.plot(t, force, color=PRESSES["facecolor"], linewidth=1.0)
+        axes.fill_between(t, force, 0.0, where=force < 0.0, interpolate=True, linewidth=0.6, **PULLS)
+        self.cast = Cast(axes)
+        self._now = self.cast.line(color="0.45", linewidth=0.9)
+        self._mark = self.cast.line(marker="o", markersize=5.5, markeredgecolor="white")
+
+    def show(self, k: int) -> None:
+        """Move the mark to frame k."""
+        t, force = self._s.t[k], self._s.force[k]
+        self._now.set_data([t, t], self._limits)
+        self._mark.set_data([t], [force])
+        self._mark.set_color(PULLS["edgecolor"] if force < 0.0 else PRESSES["facecolor"])
+
+
+def extent(run: Trajectory, s: Skeleton) -> tuple[float, float, float]:
+    """What the views of a run have to show [m]: ``reach`` of the one, ``half_width`` and ``top`` of the other."""
+    parameters = run.scenario.parameters()
+    geometry = parameters.plant.geometry
+    half_track, wheel = max(g.l for g in geometry), max(g.r for g in geometry)
+    reach = max(np.abs(s.q[..., :2]).max(), *np.abs(parameters.reference.radius))
+    from_object = s.q[..., :2] - s.joints[:, 1, None, 3, :2]
+    farthest = np.abs((from_object * s.along[:, None]).sum(axis=-1)).max()
+    highest = max(s.joints[..., 2].max(), 2.0 * wheel)
+    return reach + 1.3 * half_track + 0.1, farthest + half_track + 0.2, highest + 0.2
+
+
+def _circle(axes: Axes, radius: float, linestyle: object) -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    axes.plot(radius * np.cos(angle), radius * np.sin(angle), linestyle=linestyle, **CIRCLE)
+
+
+def _arc(run: Trajectory) -> np.ndarray:
+    """Points (k, 2) of an arc of radius 1 about arm II's axis, as wide as the tip of robot I slides, and more."""
+    swept = np.abs(np.arctan2(run.contact_point[:, 1], run.contact_point[:, 0])).max()
+    half = np.clip(swept + 0.15, 0.7, np.pi)
+    angle = np.linspace(-half, half, 41)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _platform_from_the_side(geometry: Geometry, forward: np.ndarray, along: np.ndarray) -> list[np.ndarray]:
+    """Outlines of the right wheel, the left wheel and the body, from the axle midpoint and the ground."""
+    ahead, aside = forward @ along, np.array([forward[1], -forward[0]]) @ along
+    r, angle = geometry.r, np.linspace(-np.pi / 2.0, np.pi / 2.0, 19)
+    half = r * (abs(ahead) * np.cos(angle) + WHEEL_HALF_THICKNESS * abs(aside))
+    height = r + r * np.sin(angle)
+    wheel = np.stack([np.concatenate([half, -half]), np.concatenate([height, height[::-1]])], axis=-1)
+    body = body_outline(geometry) @ (aside, ahead)
+    axle = np.array([geometry.l * aside, 0.0])
+    return [wheel + axle, wheel - axle, _box(body.min(), body.max(), 0.6 * r, 1.1 * r)]
+
+
+def _box(left: float, right: float, low: float, high: float) -> np.ndarray:
+    return np.array([(left, low), (right, low), (right, high), (left, high)])

@@ -1,0 +1,129 @@
+"""Frames into files: GIF and HTML by Pillow alone, MP4 by the program ffmpeg."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import io
+import json
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from PIL import Image
+from scipy.spatial import KDTree
+
+from coopmm_jax.errors import UserError
+
+COLOURS = 96  # of a palette: the pictures are flat areas and their smoothed edges
+SAMPLED = 12  # frames from which the palette is chosen
+PAUSE = 1.0  # [s] on the last frame before a GIF starts again
+
+
+class Frames(Protocol):
+    """A sequence of pictures (height, width, 3), uint8, of one size."""
+
+    fps: float
+    colours: np.ndarray  # (n, 3), uint8, that must be exact, however few pixels have them
+
+    def __len__(self) -> int: ...
+
+    def picture(self, k: int) -> np.ndarray:
+        """Frame k."""
+
+
+Writer = Callable[[Frames, Path], None]
+
+
+def write_gif(frames: Frames, path: Path) -> None:
+    """An animated GIF that repeats for ever; every frame has the same palette, so only what changes is stored."""
+    pictures = indexed(frames)
+    ends = np.round(100.0 * np.arange(1, len(frames) + 1) / frames.fps).astype(int)  # a GIF's clock has 1/100 s
+    durations = 10 * np.diff(ends, prepend=0)
+    durations[-1] += round(1000 * PAUSE)
+    # With optimize, what is as in the frame before becomes transparent: a third of the size.
+    look = {"save_all": True, "loop": 0, "disposal": 1, "optimize": True}
+    next(pictures).save(path, append_images=pictures, duration=durations.tolist(), **look)
+
+
+def write_html(frames: Frames, path: Path) -> None:
+    """A page with a player that needs no other file: the frames are in it as PNG pictures."""
+    pictures = []
+    for image in indexed(frames):
+        png = io.BytesIO()
+        image.save(png, "png")
+        pictures.append(base64.b64encode(png.getvalue()).decode("ascii"))
+    player = (resources.files("coopmm_jax") / "animation" / "player.html").read_text(encoding="utf-8")
+    page = player.replace("$FRAMES", json.dumps(pictures)).replace("$FPS", f"{frames.fps:g}")
+    path.write_text(page, encoding="utf-8")
+
+
+def write_mp4(frames: Frames, path: Path) -> None:
+    """A film by ffmpeg, with the codec that it has for the file's suffix.
+
+    Raises:
+        UserError: there is no ffmpeg, or it fails.
+    """
+    height, width, _ = frames.picture(0).shape
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{frames.fps:g}", "-i", "-"]
+    film = ["-pix_fmt", "yuv420p", str(path)]
+    command = [find_ffmpeg(), "-y", "-loglevel", "error", *raw, *film]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        with contextlib.suppress(BrokenPipeError):  # it gave up; what it says on stderr is the reason
+            for k in range(len(frames)):
+                process.stdin.write(frames.picture(k).tobytes())
+        _, complaint = process.communicate()
+    if process.returncode:
+        raise UserError("--out", "a film that ffmpeg can write", f"refused: {complaint.decode(errors='replace')}")
+
+
+WRITERS: dict[str, Writer] = {".gif": write_gif, ".html": write_html, ".mp4": write_mp4}
+
+
+def find_ffmpeg() -> str:
+    """The path of ffmpeg.
+
+    Raises:
+        UserError: it is not installed.
+    """
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise UserError("--out", "a .gif or .html file where ffmpeg is not installed", "an .mp4 file")
+    return found
+
+
+def indexed(frames: Frames) -> Iterator[Image.Image]:
+    """The frames with one palette: the colours that must be exact, and for the rest those of a few frames."""
+    palette = _palette(frames)
+    entry = _nearest(palette, exact=len(frames.colours))
+    for k in range(len(frames)):
+        image = Image.fromarray(entry[_bin(frames.picture(k))])
+        image.putpalette(palette.tobytes())
+        yield image
+
+
+def _palette(frames: Frames) -> np.ndarray:
+    """Red, green and blue (n, 3), uint8, of at most ``COLOURS`` colours, the exact ones first."""
+    sampled = np.unique(np.linspace(0, len(frames) - 1, SAMPLED).astype(int))
+    together = Image.fromarray(np.concatenate([frames.picture(k) for k in sampled]))
+    others = together.quantize(COLOURS - len(frames.colours)).getpalette()
+    return np.concatenate([frames.colours, np.reshape(others, (-1, 3))]).astype(np.uint8)
+
+
+def _nearest(palette: np.ndarray, exact: int) -> np.ndarray:
+    """Palette entry (2^15,) of each bin; a bin with one of the first ``exact`` colours is all that colour."""
+    channel = 8 * np.arange(32) + 4
+    centres = np.stack(np.meshgrid(channel, channel, channel, indexing="ij"), axis=-1).reshape(-1, 3)
+    _, entry = KDTree(palette).query(centres)
+    entry[_bin(palette[:exact])] = np.arange(exact)
+    return entry.astype(np.uint8)
+
+
+def _bin(colours: np.ndarray) -> np.ndarray:
+    """Number (...) of a colour (..., 3) by the five highest bits of its red, green and blue."""
+    red, green, blue = np.moveaxis(colours >> 3, -1, 0).astype(np.uint16)
+    return red << 10 | green << 5 | blue

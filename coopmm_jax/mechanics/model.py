@@ -1,0 +1,60 @@
+"""The quantities a rollout's inner loop reads, derived once from its parameters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from coopmm_jax.algebra.matrix import Scalar, Vector
+from coopmm_jax.mechanics import robot_dynamics, robot_kinematics
+from coopmm_jax.parameters import Disturbance, Gains, Geometry, Hardware, Parameters, Reference, Surface
+
+
+class Model(NamedTuple):
+    """Parameters of one rollout with inertias lumped, so that the loop does not lump them again at every stage."""
+
+    geometry: tuple[Geometry, Geometry]
+    surface: Surface
+    gravity: Scalar
+    plant: tuple[robot_dynamics.Lumped, robot_dynamics.Lumped]
+    nominal: tuple[robot_dynamics.Lumped, robot_dynamics.Lumped]  # the controller's
+    gains: Gains
+    disturbance: Disturbance
+    reference: Reference
+    posture: tuple[Vector, Vector]  # desired (a2, a3) of each robot where they are independent [rad]
+    hardware: Hardware
+
+
+def build_model(parameters: Parameters) -> Model:
+    """Lump the inertias of plant and nominal model.
+
+    >>> from coopmm_jax.parameters import Parameters
+    >>> build_model(Parameters()).plant[0].Sp
+    0.375
+    """
+    plant = parameters.plant
+    return Model(
+        geometry=plant.geometry,
+        surface=plant.surface,
+        gravity=plant.gravity,
+        plant=tuple(map(robot_dynamics.lump, plant.geometry, plant.inertia)),
+        nominal=tuple(map(robot_dynamics.lump, plant.geometry, parameters.nominal)),
+        gains=parameters.gains,
+        disturbance=parameters.disturbance,
+        reference=parameters.reference,
+        posture=nominal_posture(parameters),
+        hardware=parameters.hardware,
+    )
+
+
+def nominal_posture(parameters: Parameters) -> tuple[Vector, Vector]:
+    """(a2, a3) of each robot when every reference is met: what a joint that no row fixes is asked to hold.
+
+    Robot II's arm works over its back (arm yaw pi/2 points at the centre), so its reach is the platform's radius less
+    the object's; robot I reaches Rc to the object's surface. Elbows stay on the side they start on.
+    """
+    plant, surface = parameters.plant, parameters.plant.surface
+    reaches = (surface.contact_radius, parameters.reference.radius[1] - surface.guide_radius)
+    return tuple(
+        robot_kinematics.arm_angles(g, reach, surface.guide_height - 2.0 * g.l1, start.a3)
+        for g, reach, start in zip(plant.geometry, reaches, parameters.start, strict=True)
+    )

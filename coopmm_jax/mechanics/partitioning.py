@@ -1,0 +1,280 @@
+"""What couples the robots: the map L of (10) from the independent velocities u^1 to all of them, and its uses.
+
+Each constraint row makes one joint dependent: contact rows (a2, a3) of robot I (a3 alone when only the normal row is
+left: at the nominal posture sin A + sin B = 0, so a2 does not move the normal row there), guide rows (a2, a3) of robot
+II. J is block triangular over the dependent joints because the guide does not see robot I,
+
+    J_dep = [[N1, N2], [0, G2]],
+
+so every solve with it is two solves of size two at most. L is not block diagonal, unlike below (10): robot I's
+dependent joints move when the object does.
+
+Rows that hold a height do not see the independent velocities when both heights are held. What is left drives the
+dependent joints: u_dep = N R u^1 with one row of R for each row that does, in the full set one for each robot. So the
+time loop never multiplies L out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+
+from coopmm_jax.algebra.matrix import (
+    Matrix,
+    Scalar,
+    Vector,
+    cholesky_solve,
+    dot,
+    identity,
+    inverse_small,
+    is_zero,
+    minus,
+    plus,
+    sub,
+)
+from coopmm_jax.mechanics import robot_dynamics, robot_kinematics
+from coopmm_jax.mechanics.constraints import JOINTS, Bodies, Rows, SurfaceMotion, bodies, constraint_rows, convective
+from coopmm_jax.mechanics.model import Model
+
+
+class Partition(NamedTuple):
+    """Which of (u1, u2, a1dot, a2dot, a3dot) of each robot are independent and which follow from the rows."""
+
+    independent: tuple[tuple[int, ...], tuple[int, ...]]
+    dependent: tuple[tuple[int, ...], tuple[int, ...]]
+
+
+def partition(rows: tuple[str, ...]) -> Partition:
+    """The split of (10) for a set of rows; static.
+
+    >>> partition(("contact_normal",)).dependent
+    ((4,), ())
+    """
+    dependent = (
+        (3, 4) if "contact_height" in rows else (4,),
+        (3, 4) if "guide_radial" in rows else (),
+    )
+    independent = tuple(tuple(j for j in range(JOINTS) if j not in taken) for taken in dependent)
+    return Partition(independent, dependent)
+
+
+class Reduction(NamedTuple):
+    """The constraint solved for the dependent joints, (10)."""
+
+    R: Matrix  # (drives, n): what of u^1 drives the dependent joints, robot I's drives first
+    N: tuple[Matrix, Matrix]  # of each robot (dependent joints, its drives): how they follow
+    part: Partition
+    rows: Rows
+    N1_inverse: Matrix
+    carried: Matrix  # -N2 G2^-1: what residuals of the guide add at the contact
+    G2_inverse: Matrix
+    determinants: tuple[Scalar, ...]  # of N1 and G2: an arm is singular where one vanishes
+
+
+_NOTHING = Matrix([])
+
+
+def _columns(matrix: Matrix, rows: slice, columns: tuple[int, ...]) -> Matrix:
+    return Matrix([[row[j] for j in columns] for row in matrix.rows[rows]])
+
+
+def reduce(rows: Rows, names: tuple[str, ...]) -> Reduction:
+    """Solve J u = 0 for the dependent joints: L of (10) as N R, and what the solves below need."""
+    part = partition(names)
+    contact, guide = slice(0, rows.contacts), slice(rows.contacts, None)
+    J1, J2 = rows.J
+    N1_inverse, determinant = inverse_small(_columns(J1, contact, part.dependent[0]))
+    determinants = (determinant,)
+    at_contact = _columns(J2, contact, part.independent[1])
+    R2, N_II, carried, G2_inverse = _NOTHING, _NOTHING, _NOTHING, _NOTHING
+    if part.dependent[1]:
+        G2_inverse, determinant = inverse_small(_columns(J2, guide, part.dependent[1]))
+        determinants = (*determinants, determinant)
+        carried = _carried(_columns(J2, contact, part.dependent[1]), G2_inverse, names)
+        at_guide = _columns(J2, guide, part.independent[1])
+        at_contact = at_contact + carried @ at_guide
+        R2, N_II = _drives(at_guide, G2_inverse)
+    at_contact = _columns(J1, contact, part.independent[0]).beside(at_contact)
+    R1, N_I = _drives(at_contact, N1_inverse)
+    other = (0,) * len(part.independent[0])
+    R = Matrix([*R1.rows, *((*other, *row) for row in R2.rows)])
+    return Reduction(R, (N_I, N_II), part, rows, N1_inverse, carried, G2_inverse, determinants)
+
+
+def _carried(N2: Matrix, G2_inverse: Matrix, names: tuple[str, ...]) -> Matrix:
+    """-N2 G2^-1, whose height row is known: there N2 is the opposite of the guide's height row."""
+    product = N2 @ G2_inverse
+    negated = (tuple(sub(0, x) for x in row) for row in product.rows)
+    return Matrix([(0, 1) if name == "contact_height" else row for name, row in zip(names, negated, strict=False)])
+
+
+def _drives(right: Matrix, inverse: Matrix) -> tuple[Matrix, Matrix]:
+    """R and N with N R = -inverse right, without the rows of ``right`` that are zero by structure."""
+    kept = [i for i, row in enumerate(right.rows) if not all(map(is_zero, row))]
+    N = Matrix([[sub(0, row[i]) for i in kept] for row in inverse.rows])
+    return Matrix([right.rows[i] for i in kept]), N
+
+
+def of_each_robot(reduction: Reduction, drives: Sequence[Any]) -> tuple[tuple, tuple]:
+    """What there is one of for each drive, robot by robot."""
+    first = len(reduction.N[0].rows[0])
+    return tuple(drives[:first]), tuple(drives[first:])
+
+
+def joined(part: Partition, independent: Sequence[Any], dependent: tuple[Sequence[Any], Sequence[Any]]) -> tuple:
+    """What there is one of for each joint, (5,) for each robot, from the independent (n,) and the dependent joints."""
+    both, taken = [], 0
+    for free, bound, values in zip(part.independent, part.dependent, dependent, strict=True):
+        own = independent[taken : taken + len(free)]
+        entries = dict(zip((*free, *bound), (*own, *values), strict=True))
+        both.append(tuple(entries[joint] for joint in range(JOINTS)))
+        taken += len(free)
+    return tuple(both)
+
+
+def parted(part: Partition, joints: tuple[Vector, Vector]) -> tuple[Vector, tuple[Vector, Vector]]:
+    """The inverse of ``joined``: the independent (n,), and the dependent ones of each robot."""
+    independent = sum((tuple(u[j] for j in free) for u, free in zip(joints, part.independent, strict=True)), ())
+    return independent, tuple(tuple(u[j] for j in bound) for u, bound in zip(joints, part.dependent, strict=True))
+
+
+def velocity_maps(reduction: Reduction) -> tuple[Matrix, Matrix]:
+    """L of (10), multiplied out: of each robot (5 x n)."""
+    drives = of_each_robot(reduction, reduction.R.rows)
+    dependent = tuple((N @ Matrix(R)).rows for N, R in zip(reduction.N, drives, strict=True))
+    return tuple(map(Matrix, joined(reduction.part, identity(len(reduction.R.rows[0])).rows, dependent)))
+
+
+def expand(reduction: Reduction, independent: Vector) -> tuple[Vector, Vector]:
+    """u of each robot (5,) from the independent velocities (n,): u = L u^1 of (10)."""
+    drives = of_each_robot(reduction, reduction.R @ independent)
+    return joined(reduction.part, independent, tuple(N @ x for N, x in zip(reduction.N, drives, strict=True)))
+
+
+def restrict(reduction: Reduction, force: tuple[Vector, Vector]) -> Vector:
+    """L^T F (n,): a generalised force on all joints as seen by the independent velocities."""
+    independent, dependent = parted(reduction.part, force)
+    return plus(independent, reduction.R.T @ _on_drives(reduction, dependent))
+
+
+def _on_drives(reduction: Reduction, dependent: tuple[Vector, Vector]) -> Vector:
+    first, second = (N.T @ f for N, f in zip(reduction.N, dependent, strict=True))
+    return (*first, *second)
+
+
+def velocity_map_norm(reduction: Reduction) -> Scalar:
+    """Frobenius norm [-] of L: |L|^2 = n + trace(N^T N R R^T)."""
+    R = reduction.R
+    own = _block_diagonal(*(N.T @ N for N in reduction.N))
+    trace = dot(*(sum(M.rows, ()) for M in (own, R @ R.T)))
+    return jnp.sqrt(sum(map(len, reduction.part.independent)) + trace)
+
+
+def _block_diagonal(first: Matrix, second: Matrix) -> Matrix:
+    m, n = len(first.rows), len(second.rows)
+    return Matrix([*((*row, *(0,) * n) for row in first.rows), *(((0,) * m + row) for row in second.rows)])
+
+
+def least_equivalent(reduction: Reduction, force: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    """The least force on all joints that does to the independent velocities what ``force`` does.
+
+    It is L (L^T L)^-1 L^T force (substitution after (40)). As L = [I; N R] up to order, L^T L = I + R^T N^T N R, and by
+    Woodbury's identity its inverse takes a solve with one unknown for each drive only.
+    """
+    R, N = reduction.R, reduction.N
+    independent, dependent = parted(reduction.part, force)
+    compliance = _block_diagonal(*(inverse_small(M.T @ M)[0] if M.rows else M for M in N))
+    on_drives = _on_drives(reduction, dependent)
+    (change,) = cholesky_solve(compliance + R @ R.T, minus(R @ independent, compliance @ on_drives))
+    rates = of_each_robot(reduction, compliance @ plus(on_drives, change))
+    return joined(
+        reduction.part,
+        minus(independent, R.T @ change),
+        tuple(M @ rate for M, rate in zip(N, rates, strict=True)),
+    )
+
+
+def spread(reduction: Reduction, force: Vector) -> tuple[Vector, Vector]:
+    """The least force on all joints that L^T takes to ``force`` (n,)."""
+    return least_equivalent(reduction, on_independent(reduction.part, force))
+
+
+def on_independent(part: Partition, force: Vector) -> tuple[Vector, Vector]:
+    """A force (n,) on the independent joints, none on the others."""
+    return joined(part, force, tuple((0,) * len(bound) for bound in part.dependent))
+
+
+def dependent_solution(reduction: Reduction, right: Vector) -> tuple[Vector, Vector]:
+    """The dependent joints x with J_dep x = -right, as vectors (5,) of each robot, zero elsewhere.
+
+    With right = Jdot u it is Ldot u^1; with right = phi it is the joint correction that removes the drift.
+    """
+    part, contacts = reduction.part, reduction.rows.contacts
+    at_contact, at_guide = right[:contacts], right[contacts:]
+    if at_guide:
+        at_contact = plus(at_contact, reduction.carried @ at_guide)
+    solved = (reduction.N1_inverse @ at_contact, reduction.G2_inverse @ at_guide)
+    none = (0,) * sum(map(len, part.independent))
+    return joined(part, none, tuple(tuple(sub(0, x) for x in values) for values in solved))
+
+
+def multipliers(reduction: Reduction, residual: tuple[Vector, Vector]) -> Vector:
+    """lambda (m,) [N] with J^T lambda = residual, from the dependent joints' rows alone.
+
+    The same as (J J^T)^-1 J residual, since a residual of the constrained dynamics lies in the range of J^T.
+    """
+    _, (first, second) = parted(reduction.part, residual)
+    contact = reduction.N1_inverse.T @ first
+    if not second:
+        return contact
+    return contact + plus(reduction.G2_inverse.T @ second, reduction.carried.T @ contact)
+
+
+def constraint_force(reduction: Reduction, lam: Vector) -> tuple[Vector, Vector]:
+    """J^T lambda on each robot (5,)."""
+    return tuple(J.T @ lam for J in reduction.rows.J)
+
+
+class Kinematics(NamedTuple):
+    """The constrained motion at one state: everything (10) says."""
+
+    bodies: Bodies
+    reduction: Reduction
+    velocity: tuple[Vector, Vector]  # u = L u^1 of each robot (5,)
+    factors: tuple[robot_dynamics.Factors, robot_dynamics.Factors]
+    L_rate: tuple[Vector, Vector]  # Ldot u^1 of each robot (5,)
+
+
+def kinematics(
+    model: Model,
+    rows: tuple[str, ...],
+    position: tuple[robot_kinematics.Position, robot_kinematics.Position],
+    independent: Vector,
+    motion: SurfaceMotion | None = None,
+) -> Kinematics:
+    """(10) at one state: ``independent`` is u^1 (n,).
+
+    Args:
+        motion: of the object's surface. It adds to what (10) says: u = L u^1 + c with J c = -dphi/dt.
+    """
+    b = bodies(model.surface, model.geometry, position)
+    radius = None if motion is None else motion.radius
+    reduction = reduce(constraint_rows(model.surface, rows, b, radius), rows)
+    velocity = expand(reduction, independent)
+    if motion is not None:
+        carried = dependent_solution(reduction, _in_normal_row(rows, motion.phi_rate))
+        velocity = tuple(plus(u, c) for u, c in zip(velocity, carried, strict=True))
+    bias = convective(model.surface, model.geometry, rows, b, velocity)
+    if motion is not None:
+        bias = plus(bias, _in_normal_row(rows, motion.phi_acceleration))
+    factors = tuple(
+        robot_dynamics.factors(g, model.gravity, arm, T @ u)
+        for g, arm, T, u in zip(model.geometry, b.arm, b.T, velocity, strict=True)
+    )
+    return Kinematics(b, reduction, velocity, factors, dependent_solution(reduction, bias))
+
+
+def _in_normal_row(rows: tuple[str, ...], value: Scalar) -> Vector:
+    return tuple(value if name == "contact_normal" else 0 for name in rows)

@@ -1,0 +1,144 @@
+"""Kinematics of one mobile manipulator: chained form (6)-(8), body rates, actuators, the arm's tip.
+
+Positions are kept in the chained coordinates z1 = th, z2 = x cos th + y sin th, z3 = -x sin th + y cos th, which are
+the platform's angle and its world position seen from its own axes (lateral, forward): no trigonometry of th is needed
+until two robots meet. Between positions and forces stand the *body rates*, w = (V, w, W, Adot, Bdot): forward speed,
+platform yaw rate, arm yaw rate, absolute pitch rates of both links, with w = T(z2) u for the coordinates
+u = (u1, u2, a1dot, a2dot, a3dot) of (9).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from coopmm_jax.algebra.matrix import Matrix, Scalar, Vector, sincos
+from coopmm_jax.parameters import Geometry, Pose
+
+
+class Position(NamedTuple):
+    """Chained coordinates [rad, m, m] and joint angles [rad] of one robot; also used for their rates."""
+
+    z1: Scalar
+    z2: Scalar
+    z3: Scalar
+    a1: Scalar
+    a2: Scalar
+    a3: Scalar
+
+
+class Posture(NamedTuple):
+    """Sines and cosines of one robot's arm, and where its tip is."""
+
+    s1: Scalar  # arm yaw a1 from the forward axis
+    c1: Scalar
+    sA: Scalar  # pitch of link 2, A = a2
+    cA: Scalar
+    sB: Scalar  # pitch of link 3, B = a2 + a3
+    cB: Scalar
+    reach: Scalar  # of the tip along the arm's direction e [m]
+    height: Scalar  # of the tip [m]
+
+
+def chained(pose: Pose) -> Position:
+    """(6): chained coordinates of a pose (x, y, th, a1, a2, a3)."""
+    s, c = sincos(pose.th)
+    return Position(pose.th, pose.x * c + pose.y * s, -pose.x * s + pose.y * c, pose.a1, pose.a2, pose.a3)
+
+
+def unchained(position: Position) -> Pose:
+    """Inverse of ``chained``."""
+    s, c = sincos(position.z1)
+    z2, z3 = position.z2, position.z3
+    return Pose(z2 * c - z3 * s, z2 * s + z3 * c, position.z1, position.a1, position.a2, position.a3)
+
+
+def posture(geometry: Geometry, position: Position) -> Posture:
+    """Trigonometry of the arm, evaluated once and shared by everything below."""
+    s1, c1 = sincos(position.a1)
+    sA, cA = sincos(position.a2)
+    sB, cB = sincos(position.a2 + position.a3)
+    reach = 2.0 * (geometry.l2 * cA + geometry.l3 * cB)
+    height = 2.0 * (geometry.l1 + geometry.l2 * sA + geometry.l3 * sB)
+    return Posture(s1, c1, sA, cA, sB, cB, reach, height)
+
+
+def body_map(position: Position) -> Matrix:
+    """T(z2) (5 x 5) with body rates = T u: T2 of (7) and the absolute angles in one matrix."""
+    return Matrix([[position.z2, 1, 0, 0, 0], [1, 0, 0, 0, 0], [1, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 1]])
+
+
+def body_map_rate(position: Position, u: Vector) -> Vector:
+    """Tdot u (5,): only V = u2 + z2 u1 has a coefficient that moves, z2dot = u1 z3."""
+    return (u[0] * u[0] * position.z3, 0, 0, 0, 0)
+
+
+def actuator_force(geometry: Geometry, position: Position, torque: Vector) -> Vector:
+    """B_i2 tau of (9): generalised force in u of (right wheel, left wheel, joint 1, 2, 3) torques [N m]."""
+    right, left, *joints = torque
+    forward = (right + left) / geometry.r
+    turning = (right - left) * geometry.l / geometry.r
+    return (turning + position.z2 * forward, forward, *joints)
+
+
+def actuator_torque(geometry: Geometry, position: Position, force: Vector) -> Vector:
+    """Inverse of ``actuator_force``: the five torques [N m] that exert a generalised force in u."""
+    turning, forward, *joints = force
+    turning = turning - position.z2 * forward
+    common, difference = 0.5 * geometry.r * forward, 0.5 * geometry.r * turning / geometry.l
+    return (common + difference, common - difference, *joints)
+
+
+def actuator_rates(geometry: Geometry, position: Position, u: Vector) -> Vector:
+    """Rates of the two wheels and three joints [rad/s]: B^T u, so that torque times rate is power."""
+    forward, turning = u[1] + position.z2 * u[0], u[0] * geometry.l
+    return ((forward + turning) / geometry.r, (forward - turning) / geometry.r, *u[2:])
+
+
+def arm_angles(geometry: Geometry, reach: Scalar, rise: Scalar, elbow: Scalar) -> tuple[Scalar, Scalar]:
+    """Pitch joints (a2, a3) [rad] that put the tip at ``reach`` along e and ``rise`` above the column [m].
+
+    Args:
+        elbow: any number with the wanted sign of a3.
+    """
+    A, B = 2.0 * geometry.l2, 2.0 * geometry.l3
+    cosine = (reach**2 + rise**2 - A**2 - B**2) / (2.0 * A * B)
+    # Out of reach the arm is stretched; the rollout then says so, as the constraint cannot be met.
+    a3 = jnp.copysign(jnp.arccos(jnp.clip(cosine, -1.0, 1.0)), elbow)
+    a2 = jnp.arctan2(rise, reach) - jnp.arctan2(B * jnp.sin(a3), A + B * jnp.cos(a3))
+    return a2, a3
+
+
+def tip_rows(geometry: Geometry, arm: Posture) -> tuple[Vector, Vector, Vector]:
+    """Jacobian rows (5,) of the tip's velocity along e, n and up, in body rates."""
+    b, s1, c1 = geometry.mount_offset, arm.s1, arm.c1
+    A, B = 2.0 * geometry.l2, 2.0 * geometry.l3
+    along = (c1, b * s1, 0, -A * arm.sA, -B * arm.sB)
+    across = (-s1, b * c1, arm.reach, 0, 0)
+    return along, across, (0, 0, 0, A * arm.cA, B * arm.cB)
+
+
+def tip_position(geometry: Geometry, position: Position, arm: Posture) -> tuple[Scalar, Scalar]:
+    """Horizontal position of the tip from the world's origin, along the arm's own axes e and n [m]."""
+    forward = position.z3 + geometry.mount_offset
+    along = -arm.s1 * position.z2 + arm.c1 * forward + arm.reach
+    return along, -arm.c1 * position.z2 - arm.s1 * forward
+
+
+def tip_in_platform(geometry: Geometry, position: Position, arm: Posture) -> Vector:
+    """Tip along the platform's lateral and forward axes from the world's origin, and its height [m]."""
+    lateral = position.z2 - arm.reach * arm.s1
+    return lateral, position.z3 + geometry.mount_offset + arm.reach * arm.c1, arm.height
+
+
+def tip_bias(geometry: Geometry, arm: Posture, rates: Vector, T_rate: Vector) -> Vector:
+    """Acceleration of the tip along e, n and up when udot = 0 [m/s^2]."""
+    b = geometry.mount_offset
+    V, w, W, A, B = rates
+    A2, B2 = 2.0 * geometry.l2 * A * A, 2.0 * geometry.l3 * B * B
+    reach_rate = -2.0 * (geometry.l2 * arm.sA * A + geometry.l3 * arm.sB * B)
+    lateral, forward = -w * V, T_rate[0] - b * w * w
+    along = -arm.s1 * lateral + arm.c1 * forward - arm.cA * A2 - arm.cB * B2 - W * W * arm.reach
+    across = -arm.c1 * lateral - arm.s1 * forward + 2.0 * W * reach_rate
+    return along, across, -(arm.sA * A2 + arm.sB * B2)

@@ -1,0 +1,1 @@
+"""Numbers that say how good a rollout was, accumulated inside its scan."""

@@ -1,0 +1,189 @@
+"""Stability along a motion: the Lyapunov function (31), the bound (40), and Properties 2.1 and 2.2.
+
+(40) follows from (32) and from the steps (34)-(37) and (39), and those from Assumption 3.2 and Property 2.2. All of
+them speak about one instant, so each is evaluated at every sample: by how much its left side exceeds its right.
+
+What the paper leaves open is chosen as follows. Matrix norms are spectral, vector norms Euclidean; Cr is the one
+matrix that is linear in the velocities and symmetric as a bilinear map. The bounds c_k of Assumption 3.2 are the least
+that hold along the given motion; as Cr vanishes at rest, c_2 = 0 and c_3 = sup |Cr - Cr0| / |zetadot|. d_L is the
+disturbance d of both robots in u, because (37) needs |L^T d| <= |L| c_5.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from coopmm_jax.algebra.matrix import Vector
+from coopmm_jax.control.motion import Memory
+from coopmm_jax.errors import UserError
+from coopmm_jax.loop.closed_loop import State
+from coopmm_jax.mechanics import partitioning, robot_kinematics
+from coopmm_jax.parameters import Gains, Parameters, Structure
+from coopmm_jax.proof.terms import ProofTerms, Reduced, proof_terms
+
+if TYPE_CHECKING:
+    from coopmm_jax.runs.trajectory import Trajectory
+
+STEPS = ("(34)", "(35)", "(36)", "(37)", "(39)")
+
+
+class Analysis(NamedTuple):
+    """(31)-(40) at T samples of a motion; numpy arrays."""
+
+    t: np.ndarray  # (T,) [s]
+    V1: np.ndarray  # (T,)
+    V2: np.ndarray  # (T,)
+    V_rate: np.ndarray  # (T,) derivative of V = V1 + V2 along the flow, exact [1/s]
+    bound: np.ndarray  # (T,) right side of (40) [1/s]
+    excess: dict[str, np.ndarray]  # of STEPS, (T,) each: left minus right side; together V_rate - bound
+    c: np.ndarray  # (5,) bounds of Assumption 3.2
+    eigenvalues: np.ndarray  # (T, n) of Mr, ascending
+    norms: dict[str, np.ndarray]  # |Mr|, |Cr|, |Gr|, (T,) each
+
+    @property
+    def V(self) -> np.ndarray:
+        """(31), (T,)."""
+        return self.V1 + self.V2
+
+
+def analyse(trajectory: Trajectory, every: int = 1) -> Analysis:
+    """(31)-(40) and Properties 2.1, 2.2 along a simulated motion.
+
+    Args:
+        trajectory: what ``simulate`` returns. every: use every so manieth sample.
+
+    Raises:
+        UserError: no sample, ``every`` below 1, an adaptation rate gamma of zero (V2 of (31) divides by it), sampled
+            control or devices that are not ideal (the proof has neither).
+
+    >>> import coopmm_jax as cm
+    >>> trajectory = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01}))
+    >>> analyse(trajectory).c[:4].tolist()  # the paper's controller knows the plant
+    [0.0, 0.0, 0.0, 0.0]
+    """
+    if every < 1:
+        raise UserError("every", "1 or more", every)
+    structure, parameters = trajectory.scenario.structure(), trajectory.scenario.parameters()
+    return analyse_states(structure, parameters, *states_of(trajectory, every))
+
+
+def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, states: State) -> Analysis:
+    """``analyse`` for any states: as (40) is about one instant, they need not follow from one another.
+
+    Args:
+        t: (T,) [s]. states: a ``State`` with leaves (T,).
+
+    Raises:
+        UserError: as ``analyse``.
+    """
+    gains = parameters.gains
+    if structure.substeps or structure.force_delay or structure.features:
+        raise UserError("scenario", "the proof's loop: continuous control, ideal devices", "another loop")
+    if len(t) == 0:
+        raise UserError("trajectory", "at least one sample long", "empty")
+    if min(gains.gamma) <= 0:
+        raise UserError("gains.gamma", "positive for the Lyapunov function (31)", gains.gamma)
+    terms = proof_terms(structure, parameters, t, states)
+    uncertainty = Reduced(*(plant - nominal for plant, nominal in zip(terms.plant, terms.nominal, strict=True)))
+    c = _bounds(terms, uncertainty)
+    gamma, estimate_error = np.array(gains.gamma), terms.c_hat - c
+    left, right = _steps(gains, terms, uncertainty, c)
+    V2_rate = _dot(terms.sigma, terms.sigma_rate) + _dot(estimate_error / gamma, terms.c_hat_rate)
+    return Analysis(
+        t=np.asarray(t),
+        V1=terms.V1,
+        V2=0.5 * _dot(terms.sigma, terms.sigma) + 0.5 * _dot(estimate_error / gamma, estimate_error),
+        V_rate=terms.V1_rate + V2_rate,
+        bound=sum(right.values()) - terms.decay - _dot(np.array(gains.K_sigma) * terms.sigma, terms.sigma),
+        excess={step: left[step] - right[step] for step in STEPS},
+        c=c,
+        eigenvalues=np.linalg.eigvalsh(terms.plant.M),
+        norms={
+            "M": _spectral(terms.plant.M),
+            "C": _spectral(terms.plant.C),
+            "G": np.linalg.norm(terms.plant.G, axis=1),
+        },
+    )
+
+
+def report(analysis: Analysis) -> dict[str, Any]:
+    """The figures of an analysis worth keeping, as JSON has them.
+
+    V at the start, at its largest and at the end; the largest excess of (40)'s left side and of every step towards it,
+    and when [s]; c_k; the eigenvalue range of Mr; the largest norms.
+    """
+    return {
+        "V_start": float(analysis.V[0]),
+        "V_max": float(analysis.V.max()),
+        "V_end": float(analysis.V[-1]),
+        "share_V_rises": float(np.mean(analysis.V_rate > 0)),
+        "bound_40": _largest(analysis.t, analysis.V_rate - analysis.bound),
+        "steps": {step: _largest(analysis.t, excess) for step, excess in analysis.excess.items()},
+        "c": analysis.c.tolist(),
+        "inertia_eigenvalues": [float(analysis.eigenvalues.min()), float(analysis.eigenvalues.max())],
+        "largest_norms": {name: float(values.max()) for name, values in analysis.norms.items()},
+    }
+
+
+def _largest(t: np.ndarray, excess: np.ndarray) -> dict[str, float]:
+    """The largest excess (a negative one is a margin), when, and the share of the samples that exceed."""
+    worst = int(np.argmax(excess))
+    return {"excess": float(excess[worst]), "t": float(t[worst]), "share": float(np.mean(excess > 0))}
+
+
+def _bounds(terms: ProofTerms, uncertainty: Reduced) -> np.ndarray:
+    """c (5,): the least bounds of Assumption 3.2 along the motion."""
+    per_speed = _spectral(uncertainty.C) / terms.speed
+    gravity = np.linalg.norm(uncertainty.G, axis=1)
+    return np.array([_spectral(uncertainty.M).max(), 0.0, per_speed.max(), gravity.max(), terms.disturbance_size.max()])
+
+
+def _steps(gains: Gains, terms: ProofTerms, uncertainty: Reduced, c: np.ndarray) -> tuple[dict, dict]:
+    """Left and right sides (T,) of each of STEPS."""
+    gamma = np.array(gains.gamma)
+    toward = np.linalg.solve(terms.plant.M, terms.sigma[..., None])[..., 0]  # Mr^-1 sigma
+    robust = np.einsum("ti,tki->kt", toward, terms.robust)
+    adaptation = ((terms.c_hat - c) / gamma * terms.c_hat_rate).T
+    leak = terms.alpha[:, None] / gamma
+    right = (-leak * (terms.c_hat - 0.5 * c) ** 2 + leak * c**2 / 4).T + terms.delta / gains.lam_min
+    inertia = -np.einsum("ti,tij,tj->t", toward, uncertainty.M, terms.acceleration)
+    coriolis = np.einsum("ti,tij,tj->t", toward, uncertainty.C, terms.independent)
+    gravity, disturbance = _dot(toward, uncertainty.G), _dot(toward, terms.disturbance)
+    left = (
+        inertia + robust[0] + adaptation[0],
+        -coriolis + robust[1] + robust[2] + adaptation[1] + adaptation[2],
+        -gravity + robust[3] + adaptation[3],
+        -disturbance + robust[4] + adaptation[4],
+        terms.cross + robust[5],
+    )
+    right = (right[0], right[1] + right[2], right[3], right[4], terms.delta)
+    return dict(zip(STEPS, left, strict=True)), dict(zip(STEPS, right, strict=True))
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("ti,ti->t", a, b)
+
+
+def _spectral(matrices: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(matrices, 2, axis=(1, 2))
+
+
+def states_of(trajectory: Trajectory, every: int = 1) -> tuple[np.ndarray, State]:
+    """Times (T,) [s] and states, leaves (T,), of every so manieth sample of a trajectory; in float64."""
+    part = partitioning.partition(trajectory.rows)
+
+    def columns(values: np.ndarray) -> Vector:
+        return tuple(np.moveaxis(np.asarray(values, np.float64)[::every], 0, -1))
+
+    position = tuple(_chained(*columns(np.asarray(trajectory.q)[:, i])) for i in range(2))
+    velocity = [columns(np.asarray(trajectory.velocity)[:, i]) for i in range(2)]
+    independent = tuple(u[j] for u, joints in zip(velocity, part.independent, strict=True) for j in joints)
+    memory = Memory(*map(columns, (trajectory.integral, trajectory.eta, trajectory.c_hat, trajectory.force_integral)))
+    return np.asarray(trajectory.t, np.float64)[::every], State(position, independent, memory)
+
+
+def _chained(x: np.ndarray, y: np.ndarray, th: np.ndarray, *arm: np.ndarray) -> robot_kinematics.Position:
+    s, c = np.sin(th), np.cos(th)
+    return robot_kinematics.Position(th, x * c + y * s, -x * s + y * c, *arm)

@@ -1,0 +1,1 @@
+"""One simulation: run it, hold its trajectory, keep it in a folder."""

@@ -1,0 +1,130 @@
+"""Simulate a scenario: one compiled rollout, whatever its gains, parameters and horizon."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from coopmm_jax.algebra.matrix import Scalar, Vector, sincos
+from coopmm_jax.control.reference import desired_force, desired_motion
+from coopmm_jax.errors import UserError
+from coopmm_jax.loop.closed_loop import Signals
+from coopmm_jax.loop.rollout import Plan, rollout
+from coopmm_jax.mechanics import robot_kinematics
+from coopmm_jax.metrics import observer
+from coopmm_jax.parameters import Parameters, Reference, Structure
+from coopmm_jax.runs.trajectory import Trajectory
+from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.status import Health, Status
+
+_SHORTEST = 1024  # samples a compiled rollout has room for, at least
+
+
+def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> Trajectory:
+    """Simulate a scenario by RK4 from its start to its horizon, or to a failure.
+
+    Args:
+        scenario: a scenario, or the name or path of one. precision: "float64" or "float32"; the scenario's own by
+            default.
+
+    Returns:
+        The recorded samples, the status and the metrics. A run that fails is cut before the failure, and says so in
+        its ``status``.
+
+    Raises:
+        UserError: a scenario that cannot be read, another precision, or a start out of the arms' reach.
+
+    >>> simulate(load_scenario("paper", simulation={"duration": 0.01}))
+    <Trajectory: 11 samples to 0.01 s, float64, OK>
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = load_scenario(scenario)
+    if precision is not None:
+        scenario = scenario.with_overrides({"simulation.precision": precision})
+    settings, structure, parameters = scenario.simulation, scenario.structure(), scenario.parameters()
+    steps, step = scenario.steps, scenario.sample_time
+    plan = _plan(steps, settings.record_every)
+    with jax.enable_x64(settings.precision == "float64"):
+        outcome = _compiled(structure, plan, parameters, step, steps)
+        series, measured, health = jax.device_get(outcome)
+    status = Status(int(health.status))
+    if status is Status.UNREACHABLE:
+        raise UserError("initial", "poses from which both arms reach what [coupling] asks of them", _start(scenario))
+    failed = status is not Status.OK
+    end = int(health.step) if failed else steps + 1  # the first step that is not part of the run
+    recorded = -(-end // settings.record_every)
+    return Trajectory(
+        **{name: _stacked(values)[:recorded] for name, values in series.items()},
+        constraint_force_desired=np.array(desired_force(parameters.reference, structure.rows), series["t"].dtype),
+        status=status,
+        status_time=end * step if failed else None,
+        metrics={name: float(measured[name]) for name in observer.METRICS},
+        scenario=scenario,
+    )
+
+
+def _plan(steps: int, record_every: int) -> Plan:
+    """Room for a few more samples than asked for, at most an eighth, so that horizons of about one length share it."""
+    samples = steps // record_every + 1
+    unit = max(_SHORTEST, 2 ** (samples.bit_length() - 4))
+    return Plan(-(-samples // unit) * unit, record_every, packed=True)
+
+
+@functools.partial(jax.jit, static_argnames=("structure", "plan"))
+def _compiled(
+    structure: Structure, plan: Plan, parameters: Parameters, step: Scalar, steps: Scalar
+) -> tuple[dict[str, Any], dict[str, Scalar], Health]:
+    """Recorded series, metrics and health of one rollout; ``steps`` of length ``step`` [s] follow its first sample."""
+    horizon = {"duration": steps * step, "step": step}
+    result = rollout(
+        structure, parameters, step, steps, plan, observer.observer(structure, parameters, **horizon), record=True
+    )
+    series = jax.vmap(functools.partial(_sample, parameters.reference))(*result.record)
+    return series, observer.finish(result.total, **horizon), result.health
+
+
+def _sample(reference: Reference, t: Scalar, signals: Signals) -> dict[str, Any]:
+    """The entries of ``Trajectory`` at one sample, as nested tuples of scalars."""
+    desired = desired_motion(reference, t)
+    return {
+        "t": t,
+        "q": tuple(map(robot_kinematics.unchained, signals.position)),
+        "zeta": tuple(p[:3] for p in signals.position),
+        "zeta_desired": tuple((d.z1, d.z2, d.z3) for d in desired),
+        "arm": tuple(p.a1 for p in signals.position),
+        "arm_desired": tuple(d.arm[0] for d in desired),
+        "velocity": signals.velocity,
+        "sigma": signals.sigma,
+        "c_hat": signals.memory.c_hat,
+        "eta": signals.memory.eta,
+        "integral": signals.memory.integral,
+        "force_integral": signals.memory.force_integral,
+        "constraint_force": signals.constraint_force,
+        "torque": signals.torque,
+        "torque_commanded": signals.commanded,
+        "constraint_residual": signals.constraint_residual,
+        "tip": tuple(map(_in_world, signals.position, signals.tip)),
+        "contact_point": signals.contact_point,
+    }
+
+
+def _in_world(position: robot_kinematics.Position, point: Vector) -> Vector:
+    """World coordinates of a point given along the platform's lateral and forward axes, and its height."""
+    lateral, forward, height = point
+    s, c = sincos(position.z1)
+    return lateral * c - forward * s, lateral * s + forward * c, height
+
+
+def _stacked(series: Any) -> np.ndarray:
+    """Nested tuples of series (T,) as one array (T, ...)."""
+    return np.stack([_stacked(entry) for entry in series], axis=1) if isinstance(series, tuple) else series
+
+
+def _start(scenario: Scenario) -> str:
+    """The poses of a scenario in one line."""
+    poses = (", ".join(f"{name} {value:g}" for name, value in p._asdict().items()) for p in scenario.parameters().start)
+    return " and ".join(f"({pose})" for pose in poses)

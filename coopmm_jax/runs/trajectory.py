@@ -1,0 +1,174 @@
+"""What a simulation returns: numpy arrays with their dimensions and units, how the run ended, its metrics."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coopmm_jax.control.adaptive import Regressors
+from coopmm_jax.mechanics import partitioning
+from coopmm_jax.metrics.table import METRICS, SHOWN
+from coopmm_jax.runs.store import versions
+from coopmm_jax.status import Status
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+    from coopmm_jax.scenario.scenario import Scenario
+
+_VELOCITIES = ("u1", "u2", "a1_rate", "a2_rate", "a3_rate")
+_LABELS: dict[str, tuple[str, ...]] = {
+    "robot": ("I", "II"),
+    "coordinate": ("x", "y", "th", "a1", "a2", "a3"),
+    "chained": ("z1", "z2", "z3"),
+    "rate": _VELOCITIES,
+    "bound": Regressors._fields,
+    "actuator": ("right_wheel", "left_wheel", "joint_1", "joint_2", "joint_3"),
+    "axis": ("x", "y", "z"),
+    "arm_axis": ("along", "across"),
+}
+# Dimensions whose length is the run's own, and the letters that stand for it.
+_SYMBOLS = {"t": "T", "row": "m", "independent": "n", "independent_arm": "na"}
+
+
+def _array(dims: str, units: str, meaning: str) -> dict[str, Any]:
+    """What there is to know of an array: names of its dimensions, units, meaning."""
+    return {"dims": tuple(dims.split()), "units": units, "meaning": meaning}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory:
+    """One simulated run at its T recorded samples.
+
+    After a failure the arrays end with the last sample before it: everything here is finite, always. Index 0 of a robot
+    dimension is robot I; m is the number of constraint rows (contact normal first), n = 10 - m that of independent
+    velocities, na = n - 4 that of independent arm joints.
+    """
+
+    t: np.ndarray = field(metadata=_array("t", "s", "time"))
+    q: np.ndarray = field(
+        metadata=_array("t robot coordinate", "m, m, rad, rad, rad, rad", "world coordinates (x, y, th, a1, a2, a3)")
+    )
+    zeta: np.ndarray = field(metadata=_array("t robot chained", "rad, m, m", "chained coordinates (z1, z2, z3) of (6)"))
+    zeta_desired: np.ndarray = field(metadata=_array("t robot chained", "rad, m, m", "desired chained coordinates"))
+    arm: np.ndarray = field(metadata=_array("t robot", "rad", "arm yaw a1"))
+    arm_desired: np.ndarray = field(metadata=_array("t robot", "rad", "desired arm yaw"))
+    velocity: np.ndarray = field(
+        metadata=_array("t robot rate", "rad/s, m/s, rad/s, rad/s, rad/s", "u1, u2 of (8), joint rates")
+    )
+    sigma: np.ndarray = field(
+        metadata=_array("t independent", "rad/s, m/s, rad/s of each robot", "filtered tracking error")
+    )
+    c_hat: np.ndarray = field(metadata=_array("t bound", "-", "estimates of the uncertainty bounds (20)-(24)"))
+    eta: np.ndarray = field(metadata=_array("t robot", "rad/s", "eta of (15)"))
+    integral: np.ndarray = field(metadata=_array("t independent_arm", "rad", "integral of utilde in sigma"))
+    force_integral: np.ndarray = field(metadata=_array("t row", "N s", "integral of the force error"))
+    constraint_force: np.ndarray = field(
+        metadata=_array("t row", "N", "constraint forces lambda; the contact presses if positive")
+    )
+    constraint_force_desired: np.ndarray = field(metadata=_array("row", "N", "desired constraint forces"))
+    torque: np.ndarray = field(metadata=_array("t robot actuator", "N m", "actuator torques tau"))
+    torque_commanded: np.ndarray = field(
+        metadata=_array("t robot actuator", "N m", "the same before the actuators' limits and lag")
+    )
+    constraint_residual: np.ndarray = field(metadata=_array("t row", "m", "constraint residuals phi"))
+    tip: np.ndarray = field(metadata=_array("t robot axis", "m", "tips in the world; that of robot II is the object"))
+    contact_point: np.ndarray = field(
+        metadata=_array("t arm_axis", "m", "tip I from the arc's centre, along arm II and across it")
+    )
+    status: Status
+    status_time: float | None  # [s] of the failure
+    metrics: dict[str, float]  # as ``metrics.METRICS`` describes, over all samples, recorded or not
+    scenario: Scenario
+
+    @property
+    def ok(self) -> bool:
+        """Whether the run reached its horizon."""
+        return self.status is Status.OK
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """Names of the constraint rows (m,)."""
+        return self.scenario.coupling.rows
+
+    def plot(self) -> Figure:
+        """Everything about the run on one sheet, as ``plotting.overview`` draws it.
+
+        >>> import coopmm_jax as cm
+        >>> figure = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01})).plot()
+        """
+        from coopmm_jax import plotting  # imports matplotlib
+
+        return plotting.overview(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All arrays by name, with labelled dimensions and units; the rest in the data set's attributes.
+
+        >>> import coopmm_jax as cm
+        >>> data = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01})).to_xarray()
+        >>> data.torque.sel(robot="I", actuator="joint_1").dims
+        ('t',)
+        """
+        import xarray
+
+        variables = {name: (about["dims"], getattr(self, name), _attributes(about)) for name, about in ARRAYS.items()}
+        attributes = {
+            "status": self.status.name,
+            "status_message": self.status.message,
+            "status_time": self.status_time,
+            "metrics": dict(self.metrics),
+            "scenario": self.scenario.to_toml(),
+            "versions": versions(),
+        }
+        return xarray.Dataset(variables, coords=self._labels(), attrs=attributes)
+
+    def _labels(self) -> dict[str, list[str]]:
+        independent = [
+            (joint, f"{robot}_{_VELOCITIES[joint]}")
+            for robot, joints in zip(_LABELS["robot"], partitioning.partition(self.rows).independent, strict=True)
+            for joint in joints
+        ]
+        return {
+            **{dim: list(labels) for dim, labels in _LABELS.items()},
+            "row": list(self.rows),
+            "independent": [label for _, label in independent],
+            "independent_arm": [label for joint, label in independent if joint >= 2],
+        }
+
+    def __repr__(self) -> str:
+        end = f"{self.t[-1]:g} s" if len(self.t) else "0 s"
+        outcome = "OK" if self.ok else f"{self.status.name} at {self.status_time:g} s"
+        return f"<Trajectory: {len(self.t)} samples to {end}, {self.t.dtype}, {outcome}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: how the run ended, and the metrics that say whether it is any good."""
+        rows = "".join(
+            f"<tr><td>{name}</td><td>{self.metrics[name]:.4g}</td><td>{METRICS[name][0]}</td>"
+            f"<td style='text-align: left'>{html.escape(METRICS[name][1])}</td></tr>"
+            for name in SHOWN
+        )
+        ending = "" if self.ok else f"<br>{html.escape(self.status.message)}"
+        head = f"<b>{html.escape(repr(self)[1:-1])}</b>{ending}<br>{html.escape(self.scenario.description)}"
+        return f"<div>{head}<table>{rows}</table></div>"
+
+
+# The fields that are arrays: name -> dims, units, meaning.
+ARRAYS = {entry.name: entry.metadata for entry in dataclasses.fields(Trajectory) if "dims" in entry.metadata}
+
+
+def _attributes(about: Mapping[str, Any]) -> dict[str, str]:
+    return {"units": about["units"], "long_name": about["meaning"]}
+
+
+def _described(name: str, about: Mapping[str, Any]) -> str:
+    sizes = [_SYMBOLS.get(dim) or str(len(_LABELS[dim])) for dim in about["dims"]]
+    return f"        {name} ({', '.join(sizes)}) [{about['units']}]: {about['meaning']}\n"
+
+
+Trajectory.__doc__ += "\n    Arrays:\n" + "".join(_described(name, about) for name, about in ARRAYS.items())

@@ -1,0 +1,39 @@
+"""Gains in a file of their own: what ``coopmm tune`` writes and ``--gains-file`` reads.
+
+>>> from coopmm_jax.parameters import Gains
+>>> gains_text(Gains(k0=3.0)).splitlines()[:2]
+['[gains]', 'k0 = 3.0']
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.parameters import Gains
+from coopmm_jax.scenario.overrides import read_toml
+
+_SECTIONS = ("gains", "law")
+
+
+def gains_text(gains: Gains) -> str:
+    """TOML of every gain, in the sections that a scenario has them in: [gains], and [law] for delta's floor."""
+    values = {name: list(map(float, x)) if isinstance(x, tuple) else float(x) for name, x in gains._asdict().items()}
+    law = {"delta_floor": values.pop("delta_floor")}
+    return tomli_w.dumps({"gains": values, "law": law})
+
+
+def read_gains(path: str | Path) -> dict[str, Any]:
+    """The tables of a gains file, to be laid over a scenario.
+
+    Raises:
+        UserError: a file that cannot be read, or that holds anything but [gains] and [law].
+    """
+    tables = read_toml(path, "--gains-file")
+    others = [name for name in tables if name not in _SECTIONS]
+    if others or "gains" not in tables:
+        raise UserError("--gains-file", "a file of [gains] and [law]", f"{path} with {', '.join(tables) or 'nothing'}")
+    return tables

@@ -1,0 +1,1 @@
+"""The sections of a scenario file: fields with units, defaults and bounds."""

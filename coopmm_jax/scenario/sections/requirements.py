@@ -1,0 +1,105 @@
+"""Requirements on metrics: the section [requirements] of a scenario, and how surely a sweep meets them.
+
+    [requirements]
+    force_error_rms_late = "<= 2.0"
+    contact_loss_fraction = "== 0"
+
+>>> Requirements.model_validate({"force_min": ">= 0"}).parsed()[0].met(np.array([1.0, -1.0]))
+array([ True, False])
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import model_validator
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.scenario.sections.schema import Section
+
+_OPERATORS = {"<=": operator.le, ">=": operator.ge, "==": operator.eq, "<": operator.lt, ">": operator.gt}
+_FORM = re.compile(rf"\s*({'|'.join(_OPERATORS)})\s*(\S+)\s*")
+CONFIDENCE = 0.95
+
+
+class Requirement(NamedTuple):
+    """A metric, and the limit it has to keep."""
+
+    metric: str
+    relation: str  # of _OPERATORS
+    limit: float
+
+    def met(self, values: Any) -> Any:
+        """Whether a value keeps the limit, or which of many (N,); one that is not a number does not."""
+        return _OPERATORS[self.relation](values, self.limit)
+
+    @property
+    def low_is_bad(self) -> bool:
+        """Whether the worst value is the smallest."""
+        return self.relation.startswith(">")
+
+    def __str__(self) -> str:
+        return f"{self.metric} {self.relation} {self.limit:g}"
+
+
+class Requirements(Section, extra="allow"):
+    """[requirements]: metric = "<= limit" (or >=, ==, <, >), which every sample of a sweep has to meet."""
+
+    __pydantic_extra__: dict[str, str]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _table(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping):
+            raise UserError("", 'a table of metric = "<= limit"', data)
+        for metric, text in data.items():
+            parse(metric, text)
+        return dict(data)
+
+    def parsed(self) -> tuple[Requirement, ...]:
+        """The lines in the order of the file."""
+        return tuple(parse(metric, text) for metric, text in self.model_extra.items())
+
+
+class Interval(NamedTuple):
+    """An estimate with its confidence interval."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+def parse(metric: str, text: Any) -> Requirement:
+    """One line of the section.
+
+    Raises:
+        UserError: the text is not a relation and a number.
+
+    >>> str(parse("force_min", ">=0"))
+    'force_min >= 0'
+    """
+    match = _FORM.fullmatch(text) if isinstance(text, str) else None
+    try:
+        limit = float(match[2]) if match else np.nan
+    except ValueError:
+        limit = np.nan
+    if not np.isfinite(limit):
+        must = f'one of {", ".join(_OPERATORS)} and a number, as in "<= 2.0"'
+        raise UserError(metric, must, f'"{text}"' if isinstance(text, str) else text)
+    return Requirement(metric, match[1], limit)
+
+
+def success(passed: int, samples: int) -> Interval:
+    """Success probability with its Clopper-Pearson interval, which covers the truth at least 95 % of the time.
+
+    >>> success(10, 10).low > 0.69
+    True
+    """
+    from scipy.stats import binomtest
+
+    interval = binomtest(passed, samples).proportion_ci(CONFIDENCE, method="exact")
+    return Interval(passed / samples, float(interval.low), float(interval.high))

@@ -1,0 +1,106 @@
+"""The section [tuning] of a scenario: which gains are tuned, for what, on how many samples, for how long.
+
+    [tuning]
+    gains = ["K_lambda", "K_I"]
+    bounds = { K_lambda = [0.0, 8.0] }
+    weights = { force = 2.0 }
+
+>>> Tuning().bounds.K_lambda
+(0.0, 30.0)
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, Strict, field_validator, model_validator
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.scenario.sections.schema import AboveMinusOne, Count, NotNegative, Positive, Section, quantity
+from coopmm_jax.scenario.validation import closest
+
+Range = Annotated[tuple[Positive, Positive], Field(min_length=2, max_length=2)]
+RangeAboveMinusOne = Annotated[tuple[AboveMinusOne, AboveMinusOne], Field(min_length=2, max_length=2)]
+Adversaries = Annotated[int, Strict(), Field(ge=0, le=32)]  # no search finds more different ones for certain
+Level = Annotated[float, Strict(), Field(ge=0, lt=1)]
+
+
+class Bounds(Section):
+    """[tuning.bounds]: [low, high] of every entry of a gain; the search is logarithmic between them."""
+
+    K_sigma: Range = (0.05, 50.0)
+    gamma: Range = (1e-3, 10.0)
+    c_hat0: Range = (0.01, 100.0)
+    K_lambda: RangeAboveMinusOne = (0.0, 30.0)  # logarithmic in 1 + K_lambda
+    K_I: Range = (0.05, 200.0)
+    K_u: Range = (0.01, 100.0)
+    K_a: Range = (0.02, 100.0)
+    k0: Range = (0.05, 500.0)
+    k1: Range = (1.0, 2000.0)
+    k2: Range = (0.05, 100.0)
+    k3: Range = (0.05, 100.0)
+    beta: Range = (0.01, 100.0)
+    lam_min: Range = (0.01, 100.0)
+    delta_floor: Range = (1e-4, 1.0)
+
+    @model_validator(mode="after")
+    def _low_before_high(self) -> Bounds:
+        for name, (low, high) in self:
+            if not low < high:
+                raise UserError(name, "a lower and a higher bound", [low, high])
+        return self
+
+
+class Weights(Section):
+    """[tuning.weights]: of the cost's terms, each of which is 1 under the starting gains."""
+
+    object: NotNegative = 1.0  # from tracking_from on: squared distance of the object from its desired point
+    relative: NotNegative = 1.0  # likewise of tip I on the object's arc
+    posture: NotNegative = 1.0  # squared errors of both platforms and arms
+    force: NotNegative = 1.0  # squared error of the normal contact force
+    internal: NotNegative = 0.1  # squared other constraint forces
+    contact_loss: NotNegative = 1.0  # squared pull that would be needed to keep the contact
+    effort: NotNegative = 0.01  # squared torques
+    torque_variation: NotNegative = 0.1  # torque changes from sample to sample; with 0.01 gains come out that chatter
+    saturation: NotNegative = 0.1  # squared torque asked for beyond the actuators' limits
+
+
+class Tuning(Section):
+    """[tuning]: which gains are tuned, for what, on how many samples, for how long; see its .bounds and .weights."""
+
+    gains: tuple[str, ...] = quantity(("K_sigma", "gamma", "K_lambda", "K_I"), "gains to tune, by name")
+    channels: Literal["separate", "shared"] = quantity("separate", "entries of a gain tuned one by one or as one")
+    bounds: Bounds = quantity(Bounds(), "[low, high] by gain")
+    weights: Weights = quantity(Weights(), "of the cost's terms, by name")
+    adversaries: Adversaries = quantity(0, "worst samples searched for after an iteration, to train on from then on")
+    risk: Literal["mean", "cvar", "soft_worst", "worst"] = quantity("mean", "how samples' costs become one")
+    risk_level: Level = quantity(0.9, "cvar: share of the samples left out, the best ones")
+    sharpness: Positive = quantity(2.0, "soft_worst: of the exponential; towards worst as it grows")
+    tracking_from: NotNegative = quantity(1.5, "time before which tracking does not count, the start decides it [s]")
+    horizon: Positive = quantity(3.0, "simulated time per sample while searching, at most simulation.duration [s]")
+    samples: Count = quantity(16, "training samples of the first iteration, drawn anew in every one")
+    validation_samples: Count = quantity(32, "fixed samples over the whole duration, which pick the best iterate")
+    test_samples: Count = quantity(128, "samples for the final figures alone")
+    race_samples: Count = quantity(4, "samples that rank the starting points")
+    starts: Count = quantity(64, "starting points: the scenario's gains and scrambled Sobol points")
+    survivors: Count = quantity(4, "of them go on to local descent; each iteration half of them, on twice the samples")
+    iterations: Count = quantity(8, "of local descent, at most")
+    steps: Count = quantity(4, "descent steps per iteration")
+    patience: Count = quantity(3, "iterations without a better validation risk before stopping")
+    time_budget: Positive = quantity(300.0, "after which no iteration begins [s]")
+    optimiser: str = quantity("lbfgs", "lbfgs, or an optimiser of optax by name")
+    learning_rate: Positive = quantity(0.1, "of optax's optimisers")
+    schedule: Literal["constant", "cosine"] = quantity("constant", "of the learning rate")
+    clip: Positive | None = quantity(None, "largest norm of the gradient given to optax's optimisers")
+
+    @field_validator("gains", mode="before")
+    @classmethod
+    def _known_gains(cls, names: Any) -> Any:
+        names = [names] if isinstance(names, str) else names
+        for name in names:
+            if name not in Bounds.model_fields:
+                known = ", ".join(Bounds.model_fields)
+                raise UserError("", f"of {known}{closest(str(name), Bounds.model_fields)}", name)
+        if len(set(names)) < len(names) or not names:
+            raise UserError("", "different names, at least one", list(names))
+        return names

@@ -1,0 +1,129 @@
+"""The section [uncertainty] of a scenario: which of its numbers vary from sample to sample, and how.
+
+    [uncertainty]
+    plant.m_p = { distribution = "uniform", low = 0.8, high = 1.2, relative = true }
+    disturbance.phase = { distribution = "uniform", low = 0.0, high = 6.283185307179586 }
+
+>>> Uncertainty.model_validate({"plant": {"m_p": {"distribution": "normal", "mean": 5, "std": 0.1}}}).entries()[0].field
+'m_p'
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, model_validator
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.scenario.overrides import merged
+from coopmm_jax.scenario.sections.schema import Finite, Positive, Section
+from coopmm_jax.scenario.validation import closest, validate
+
+_SHAPES = {  # distribution -> the numbers that describe it
+    "uniform": ("low", "high"),
+    "log_uniform": ("low", "high"),
+    "normal": ("mean", "std"),
+    "truncated_normal": ("mean", "std", "low", "high"),
+}
+
+
+class Distribution(Section):
+    """How one number varies. Without ``relative`` and ``offset`` the drawn value takes the scenario's place."""
+
+    distribution: Literal["uniform", "log_uniform", "normal", "truncated_normal"]
+    low: Finite | None = None
+    high: Finite | None = None
+    mean: Finite | None = None
+    std: Positive | None = None
+    relative: bool = False  # the draw is a factor on the scenario's value
+    offset: bool = False  # the draw is added to the scenario's value
+    each: bool = False  # one draw for each number that the name stands for, not one for all
+    group: Annotated[str, Field(min_length=1)] | None = None  # entries of one group share one draw
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Distribution:
+        needed = _SHAPES[self.distribution]
+        for name in ("low", "high", "mean", "std"):
+            given = getattr(self, name)
+            if (name in needed) != (given is not None):
+                must = f"{'given' if name in needed else 'left out'} for {self.distribution}"
+                raise UserError(name, must, "missing" if given is None else given)
+        if "low" in needed and self.low >= self.high:
+            raise UserError("high", f"greater than low ({self.low:g})", self.high)
+        if self.distribution == "log_uniform" and self.low <= 0.0:
+            raise UserError("low", "greater than 0 for log_uniform", self.low)
+        if self.relative and self.offset:
+            raise UserError("offset", "left out where relative is true", "true")
+        if self.each and self.group:
+            raise UserError("group", "left out where each is true", self.group)
+        return self
+
+
+class Entry(NamedTuple):
+    """One line of the section."""
+
+    section: str
+    field: str
+    robot: int | None  # 0 or 1; None: not one robot's alone
+    distribution: Distribution
+
+    @property
+    def name(self) -> str:
+        """As the user writes it."""
+        return f"{self.section}.{self.field}" + ("" if self.robot is None else f".{self.robot + 1}")
+
+
+class Uncertainty(Section, extra="allow"):
+    """[uncertainty]: section.field = { distribution = ..., ... }; section.field.1 and .2 are one robot's."""
+
+    __pydantic_extra__: dict[str, dict[str, Distribution | dict[str, Distribution]]]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _tables(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping):
+            raise UserError("", "a table of section.field = {...}", data)
+        return {section: _fields(section, fields) for section, fields in merged({}, data).items()}
+
+    def entries(self) -> tuple[Entry, ...]:
+        """The lines in the order of the file."""
+        found = []
+        for section, fields in self.model_extra.items():
+            for field, given in fields.items():
+                if isinstance(given, Distribution):
+                    found.append(Entry(section, field, None, given))
+                else:
+                    found += [Entry(section, field, int(robot) - 1, each) for robot, each in given.items()]
+        return tuple(found)
+
+
+def _fields(section: str, fields: Any) -> dict[str, Any]:
+    if not isinstance(fields, Mapping):
+        raise UserError(section, "a table of field = {...}", fields)
+    result = {}
+    for field, given in fields.items():
+        name = f"{section}.{field}"
+        by_robot = isinstance(given, Mapping) and given and all(key in ("1", "2") for key in given)
+        if by_robot:
+            result[field] = {robot: _distribution(f"{name}.{robot}", table) for robot, table in given.items()}
+        else:
+            result[field] = _distribution(name, given)
+    return result
+
+
+def _distribution(name: str, table: Any) -> Distribution:
+    if isinstance(table, Distribution):
+        return table
+    if not isinstance(table, Mapping):
+        raise UserError(name, "a table { distribution = ..., ... }", table)
+    for key in table:
+        if key not in Distribution.model_fields:
+            must = f"one of {', '.join(Distribution.model_fields)}{closest(key, Distribution.model_fields)}"
+            raise UserError(f"{name}.{key}", must, "unknown")
+    if "distribution" not in table:
+        raise UserError(f"{name}.distribution", f"one of {', '.join(_SHAPES)}", "missing")
+    try:
+        return validate(Distribution, table)
+    except UserError as error:
+        raise UserError(f"{name}.{error.field}", error.must, error.was, error.more) from None

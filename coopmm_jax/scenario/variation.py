@@ -1,0 +1,270 @@
+"""Plausible robots: what varies from sample to sample of a scenario, and the parameters of any of its samples.
+
+A sample is a point of the unit cube with one coordinate per draw; every varying number is a quantile of its
+distribution there. Points come from ``scenario/sampling.py``, or from a search through the cube: the map works on
+numpy and, differentiably, on JAX arrays. The controller's model stays the scenario's: it does not know the plant that
+was drawn.
+
+>>> from coopmm_jax.scenario.scenario import load_scenario
+>>> mass = {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}
+>>> variation = vary(load_scenario("paper", uncertainty={"plant.m_p": mass}))
+>>> float(variation.values(np.array([0.75]))["plant.m_p"])
+5.5
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import scipy.special
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.parameters import Inertia, Parameters, Structure
+from coopmm_jax.scenario.sections.uncertainty import Distribution, Entry
+from coopmm_jax.scenario.validation import closest, validate
+
+if TYPE_CHECKING:
+    from coopmm_jax.scenario.scenario import Scenario
+
+MASSES = "masses"  # plant.masses stands for all masses and inertias of the plant
+_EXCLUDED = ("simulation", "law", "gains", "uncertainty", "requirements")  # settings and design, not the world
+# The ends of what can be drawn: no sampler comes closer to 0 and 1.
+LOWEST, HIGHEST = 2.0**-54, 1.0 - 2.0**-53
+_INSIDE = 0.6180339887498949  # a point of no symmetry
+
+
+class Number(NamedTuple):
+    """One number of a scenario that varies."""
+
+    section: str
+    field: str
+    robot: int | None  # 0 or 1; None: a number without robots, or the same for both
+    base: float  # the scenario's value
+    unit: str
+    meaning: str
+    distribution: Distribution
+    draw: str  # name of the random number behind it; numbers of one draw vary together
+
+    @property
+    def name(self) -> str:
+        """Dotted, as the user writes it."""
+        return f"{self.section}.{self.field}" + ("" if self.robot is None else f".{self.robot + 1}")
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Everything that varies in a scenario; make one with ``vary``."""
+
+    scenario: Scenario
+    numbers: tuple[Number, ...]
+
+    @property
+    def draws(self) -> tuple[str, ...]:
+        """Names of the random numbers: the coordinates of the unit cube (D,)."""
+        return tuple(dict.fromkeys(number.draw for number in self.numbers))
+
+    def values(self, points: Any) -> dict[str, Any]:
+        """The varying numbers by name, in the scenario's units.
+
+        Args:
+            points: numpy or JAX array (..., D) in the open unit cube.
+
+        Returns:
+            Arrays of shape (...).
+        """
+        column = {draw: i for i, draw in enumerate(self.draws)}
+        return {number.name: _value(number, points[..., column[number.draw]]) for number in self.numbers}
+
+    def parameters(self, points: Any) -> Parameters:
+        """Parameters of the samples at ``points`` (..., D): what varies has shape (...), the rest is Python floats."""
+        changed = self._with(self.values(points))
+        unaware = changed.model_copy(update={"plant": self.scenario.plant})
+        return changed.parameters()._replace(nominal=unaware.parameters().nominal)
+
+    def structure(self) -> Structure:
+        """The scenario's static choices, with every effect in force whose numbers vary."""
+        return self.scenario.structure({f"{number.section}.{number.field}" for number in self.numbers})
+
+    def batch(self, points: np.ndarray, indices: Sequence[int]) -> Parameters:
+        """Parameters of the samples ``indices`` (B,) at ``points`` (B, D): every leaf of shape (B,), for ``jax.vmap``.
+
+        Each sample has its own stream of measurement noise.
+        """
+        import jax
+
+        parameters = self.parameters(points)
+        hardware = parameters.hardware._replace(noise_stream=np.array(indices, dtype=float))
+        return jax.tree.map(lambda x: np.broadcast_to(x, len(indices)), parameters._replace(hardware=hardware))
+
+    def sample(self, index: int, values: dict[str, float]) -> Scenario:
+        """The scenario of one sample, complete and certain, from its index and its numbers (scalars) by name.
+
+        Its masses and inertias of the controller's model are spelt out, so that they stay what they were.
+        """
+        nominal = self._with(values).model_copy(update={"plant": self.scenario.plant}).parameters().nominal
+        spelt_out = {name: [getattr(robot, name) for robot in nominal] for name in Inertia._fields}
+        spelt_out["m_obj"] = nominal[1].m_obj
+        changes = self._tables(values) | {f"nominal.{name}": value for name, value in spelt_out.items()}
+        certain = self.scenario.model_copy(update={"uncertainty": type(self.scenario.uncertainty)()})
+        return certain.with_overrides(changes | {"simulation.stream": index})
+
+    def _tables(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Dotted fields to their new values: numbers of single robots as pairs."""
+        changes: dict[str, Any] = {}
+        for number in self.numbers:
+            field = f"{number.section}.{number.field}"
+            if number.robot is None:
+                changes[field] = values[number.name]
+            else:
+                pair = changes.setdefault(field, list(_pair(_current(self.scenario, number.section, number.field))))
+                pair[number.robot] = values[number.name]
+        return changes
+
+    def _with(self, values: dict[str, Any]) -> Scenario:
+        """The scenario with unchecked values, arrays among them."""
+        changes: dict[str, dict[str, Any]] = {}
+        for name, value in self._tables(values).items():
+            section, field = name.split(".")
+            changes.setdefault(section, {})[field] = tuple(value) if isinstance(value, list) else value
+        sections = {
+            section: getattr(self.scenario, section).model_copy(update=fields) for section, fields in changes.items()
+        }
+        return self.scenario.model_copy(update=sections)
+
+
+def vary(scenario: Scenario) -> Variation:
+    """What varies in a scenario, from its [uncertainty].
+
+    Raises:
+        UserError: a field that does not exist or cannot vary, a number that varies twice, or a distribution that
+            reaches values which the field cannot have.
+    """
+    numbers = tuple(number for entry in scenario.uncertainty.entries() for number in _numbers(scenario, entry))
+    seen: set[str] = set()
+    for number in numbers:
+        both = {number.name, f"{number.section}.{number.field}"} | (
+            {f"{number.name}.1", f"{number.name}.2"} if number.robot is None else set()
+        )
+        if seen & both:
+            raise UserError(f"uncertainty.{number.name}", "given once", "given twice")
+        seen.add(number.name)
+    variation = Variation(scenario, numbers)
+    for end in (LOWEST, HIGHEST):
+        _check_end(variation, end)
+    return variation
+
+
+def _check_end(variation: Variation, end: float) -> None:
+    """Every number alone must be possible, and matter, at its smallest and its largest."""
+    nominal = variation.scenario.parameters()
+    for number in variation.numbers:
+        alone = Variation(variation.scenario, (number,))
+        values = {name: float(value) for name, value in alone.values(np.array([end])).items()}
+        try:
+            alone.sample(0, values)
+        except UserError as error:
+            own = error.field == f"{number.section}.{number.field}"
+            must = error.must if own else f"such that {error.field} is {error.must}"
+            raise UserError(f"uncertainty.{number.name}", must, error.was) from None
+        if alone.parameters(np.array([_INSIDE])) == nominal:
+            must = "a number that changes the simulation (a factor on 0 does not: use offset)"
+            raise UserError(f"uncertainty.{number.name}", must, number.base)
+
+
+def _numbers(scenario: Scenario, entry: Entry) -> list[Number]:
+    """The numbers that one entry stands for."""
+    if (entry.section, entry.field) == ("plant", MASSES):
+        if not entry.distribution.relative:
+            raise UserError(f"uncertainty.{entry.name}.relative", f"true for {MASSES}", "false")
+        fields = [name for name in Inertia._fields if name != "m_obj" or entry.robot != 0]
+        return [number for field in fields for number in _of_field(scenario, entry, field)]
+    return _of_field(scenario, entry, entry.field)
+
+
+def _of_field(scenario: Scenario, entry: Entry, field: str) -> list[Number]:
+    section = entry.section
+    value = _current(scenario, section, field)
+    kind, law = type(getattr(scenario, section)), entry.distribution
+    pair = _is_pair(kind, field, value)
+    if entry.robot is not None and not pair and field != "m_obj":
+        raise UserError(f"uncertainty.{entry.name}", f"{section}.{field}, which has no list of two", entry.name)
+    alike = not isinstance(value, tuple) and not law.each and entry.robot is None
+    robots = [entry.robot] if entry.robot is not None else [0, 1]
+    chosen = [None] if alike or not pair else robots
+    numbers = []
+    for robot in chosen:
+        base = value if robot is None else _pair(value)[robot]
+        about = Number(section, field, robot, base, *_described(kind, field), law, draw="")
+        numbers.append(about._replace(draw=about.name if law.each else law.group or entry.name))
+    return numbers
+
+
+def _current(scenario: Scenario, section: str, field: str) -> Any:
+    """The scenario's value of a field: a number or a pair; of the controller's model too, where the plant gives it."""
+    allowed = [name for name in type(scenario).model_fields if name not in (*_EXCLUDED, "description")]
+    if section not in allowed:
+        raise UserError(f"uncertainty.{section}", f"one of {', '.join(allowed)}{closest(section, allowed)}", section)
+    table = getattr(scenario, section)
+    fields = type(table).model_fields
+    if field not in fields:
+        raise UserError(f"uncertainty.{section}.{field}", f"a field of [{section}]{closest(field, fields)}", "unknown")
+    value = getattr(table, field)
+    if value is None and section == "nominal":
+        plant = getattr(scenario.plant, field)
+        scale = scenario.nominal.scale
+        return tuple(scale * x for x in plant) if isinstance(plant, tuple) else scale * plant
+    entries = value if isinstance(value, tuple) else (value,)
+    if not all(isinstance(x, float) for x in entries):
+        raise UserError(f"uncertainty.{section}.{field}", "a field whose values are real numbers", value)
+    return value
+
+
+def _is_pair(kind: type, field: str, value: Any) -> bool:
+    """Whether a field takes one number for each robot."""
+    try:
+        validate(kind, {field: _pair(value)})
+    except UserError:
+        return False
+    return True
+
+
+def _pair(value: Any) -> tuple[Any, Any]:
+    return value if isinstance(value, tuple) else (value, value)
+
+
+def _described(kind: type, field: str) -> tuple[str, str]:
+    """Unit and meaning from the description of a field, "meaning [unit]"."""
+    text = kind.model_fields[field].description
+    match = re.fullmatch(r"(.*) \[(.*)\]", text)
+    return (match[2], match[1]) if match else ("-", text)
+
+
+def _value(number: Number, u: Any) -> Any:
+    """The number where the cube's coordinate is u."""
+    drawn = _quantile(number.distribution, u)
+    if number.distribution.relative:
+        return number.base * drawn
+    return number.base + drawn if number.distribution.offset else drawn
+
+
+def _quantile(law: Distribution, u: Any) -> Any:
+    if law.distribution == "uniform":
+        return law.low + (law.high - law.low) * u
+    if law.distribution == "log_uniform":
+        return law.low * (law.high / law.low) ** u
+    if law.distribution == "truncated_normal":
+        below, above = (float(scipy.special.ndtr((x - law.mean) / law.std)) for x in (law.low, law.high))
+        u = below + (above - below) * u
+    return law.mean + law.std * _normal_quantile(u)
+
+
+def _normal_quantile(u: Any) -> Any:
+    if isinstance(u, np.ndarray | np.floating):
+        return scipy.special.ndtri(u)
+    from jax.scipy.special import ndtri
+
+    return ndtri(u)

@@ -1,0 +1,1 @@
+"""Many samples of a scenario's uncertainty: run, store, statistics, figures and report."""

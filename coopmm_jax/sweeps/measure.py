@@ -1,0 +1,153 @@
+"""Tiles of a sweep: a fixed number of samples through one compiled function.
+
+Every sample goes through the same executable with the same number of neighbours, so its bits depend neither on how
+many samples the sweep has, nor on where it was interrupted, nor on how many processes share it.
+"""
+
+from __future__ import annotations
+
+import collections
+import functools
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coopmm_jax.algebra.matrix import Scalar
+from coopmm_jax.loop.closed_loop import Signals
+from coopmm_jax.loop.rollout import Plan, rollout
+from coopmm_jax.metrics import observer
+from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.status import Health, Status
+
+SEGMENT = 64  # steps; a horizon is rounded up to a whole number of segments
+POINTS = 400  # of a kept series, at most one more
+_COMPILING: dict[Callable, threading.Lock] = collections.defaultdict(threading.Lock)  # threads share a kind's program
+
+# name -> (unit, meaning) of what is kept over time of a few samples
+SERIES: dict[str, tuple[str, str]] = {
+    "tracking_error": ("rad, m", "norm of all heading, position and arm errors"),
+    "object_error": ("m", "distance of the object from its desired point"),
+    "relative_tip_error": ("m", "distance of tip I from its desired point on the object's arc"),
+    "contact_force": ("N", "normal contact force"),
+    "internal_force": ("N", "largest size of the other constraint forces"),
+    "torque": ("N m", "largest size of the ten actuators' torques"),
+    "c_hat": ("-", "largest estimate of an uncertainty bound"),
+}
+
+
+class Horizon(NamedTuple):
+    """How a rollout runs: sample time [s], number of samples after the first, floating point numbers."""
+
+    step: float
+    steps: int
+    precision: str
+
+    @property
+    def stride(self) -> int:
+        """Steps from one point of a kept series to the next."""
+        return max(1, -(-self.steps // POINTS))
+
+    def points(self) -> np.ndarray:
+        """Steps at which a kept series has its points (T,)."""
+        return np.arange(0, self.steps + 1, self.stride)
+
+    def times(self) -> np.ndarray:
+        """Times of these points (T,) [s]."""
+        return self.points() * self.step
+
+
+class Measured(NamedTuple):
+    """What is known of the B samples of a tile after their rollouts."""
+
+    metrics: np.ndarray  # (B, M), in the order of METRICS; NaN where the start was out of reach
+    status: np.ndarray  # (B,) codes of ``Status``
+    status_time: np.ndarray  # (B,) of a failure [s]; NaN for none
+
+
+def measure(structure: Structure, horizon: Horizon, device: jax.Device, parameters: Parameters) -> Measured:
+    """Metrics and status of a tile.
+
+    Args:
+        parameters: every leaf of shape (B,). device: where to run; compiled once for each.
+    """
+    plan = Plan.covering(horizon.steps, SEGMENT)
+    measured, health = _run(_metrics_of, structure, plan, horizon, device, parameters)
+    table = np.stack([measured[name] for name in METRICS], axis=1).astype(float)
+    table[health.status == Status.UNREACHABLE] = np.nan
+    time = np.where(health.status == Status.OK, np.nan, health.step * horizon.step)
+    return Measured(table, health.status.astype(np.int8), time)
+
+
+def trace(structure: Structure, horizon: Horizon, device: jax.Device, parameters: Parameters) -> dict[str, np.ndarray]:
+    """The series of a tile by name, each (B, T) at ``horizon.times()``; NaN from a failure on."""
+    plan = Plan.covering(horizon.steps, horizon.stride)
+    series, health = _run(_series_of, structure, plan, horizon, device, parameters)
+    lost = (health.status != Status.OK)[:, None] & (horizon.points() >= health.step[:, None])
+    return {name: np.where(lost, np.nan, series[name]) for name in SERIES}
+
+
+def _run(
+    kind: Callable, structure: Structure, plan: Plan, horizon: Horizon, device: jax.Device, parameters: Parameters
+) -> Any:
+    dtype = np.dtype(horizon.precision)
+    parameters = jax.tree.map(lambda x: np.ascontiguousarray(x, dtype), parameters)
+    arguments = (parameters, np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32))
+    with jax.enable_x64(dtype == np.float64):  # of this thread only
+        with _COMPILING[kind]:
+            shape = jax.tree.structure(parameters), len(parameters.plant.gravity)
+            executable = _executable(kind, structure, plan, dtype, device, *shape)
+        return jax.device_get(executable(*jax.device_put(arguments, device)))
+
+
+@functools.lru_cache(maxsize=8)
+def _executable(
+    kind: Callable, structure: Structure, plan: Plan, dtype: np.dtype, device: jax.Device, tree: Any, size: int
+) -> Callable:
+    """One program for all numbers, and for all horizons of one plan."""
+    place = jax.sharding.SingleDeviceSharding(device)
+    leaf = jax.ShapeDtypeStruct((size,), dtype, sharding=place)
+    batched = jax.tree.unflatten(tree, [leaf] * tree.num_leaves)
+    step, steps = (jax.ShapeDtypeStruct((), kind, sharding=place) for kind in (dtype, np.int32))
+    function = jax.vmap(functools.partial(kind, structure, plan), in_axes=(0, None, None))
+    return jax.jit(function).lower(batched, step, steps).compile()
+
+
+def _metrics_of(
+    structure: Structure, plan: Plan, parameters: Parameters, step: Scalar, steps: Scalar
+) -> tuple[dict[str, Scalar], Health]:
+    horizon = {"duration": steps * step, "step": step}
+    result = rollout(structure, parameters, step, steps, plan, observer.observer(structure, parameters, **horizon))
+    return observer.finish(result.total, **horizon), result.health
+
+
+def _series_of(
+    structure: Structure, plan: Plan, parameters: Parameters, step: Scalar, steps: Scalar
+) -> tuple[dict[str, Scalar], Health]:
+    result = rollout(structure, parameters, step, steps, plan, record=True)
+    return jax.vmap(functools.partial(_point, structure, parameters))(*result.record), result.health
+
+
+def _point(structure: Structure, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
+    """The entries of ``SERIES`` at one sample."""
+    squares = observer.squared_errors(parameters.reference, parameters.plant.surface, t, signals)
+    object_error, tip_error = squares.pop("object_{}"), squares.pop("relative_tip_{}")
+    contact = structure.rows.index("contact_normal")
+    others = [force for i, force in enumerate(signals.constraint_force) if i != contact]
+    return {
+        "tracking_error": jnp.sqrt(sum(squares.values())),
+        "object_error": jnp.sqrt(object_error),
+        "relative_tip_error": jnp.sqrt(tip_error),
+        "contact_force": signals.constraint_force[contact],
+        "internal_force": _largest(others),
+        "torque": _largest([*signals.torque[0], *signals.torque[1]]),
+        "c_hat": _largest(signals.memory.c_hat),
+    }
+
+
+def _largest(values: Sequence[Scalar]) -> Scalar:
+    return functools.reduce(jnp.maximum, map(jnp.abs, values), 0.0)

@@ -1,0 +1,140 @@
+"""The report of a sweep: a text to print, files to keep.
+
+    coopmm report sweep.zarr
+
+prints ``text`` and writes a folder with report.txt, summary.json, failed.csv and figures.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.runs.store import write_json
+from coopmm_jax.scenario.sections.requirements import Interval
+from coopmm_jax.status import Status
+from coopmm_jax.sweeps.statistics import Results, outcomes, read_results, sensitivities, spread, telling
+
+if TYPE_CHECKING:
+    import xarray
+
+_LISTED = 10  # failed samples that are printed; failed.csv has them all
+_STRONGEST = 3  # parameters that are printed for each requirement
+
+
+def text(results: Results) -> str:
+    """Success probabilities, quantiles, what matters, and which samples failed, for a terminal."""
+    n, settings = len(results.index), results.scenario.simulation
+    computed = f"{n} samples" if n == results.total else f"{n} of {results.total} samples (the rest is not there yet)"
+    head = [results.scenario.description, f"{computed} of {settings.duration:g} s, seed {settings.seed}"]
+    parts = [head, _requirements(results), _metrics(results), _matters(results), _failed(results)]
+    return "\n\n".join("\n".join(part) for part in parts if part)
+
+
+def write_report(folder: Path, data: xarray.Dataset, results: Results | None = None) -> None:
+    """Write the report of a sweep's data set into an existing folder."""
+    from coopmm_jax import plotting  # imports matplotlib
+    from coopmm_jax.sweeps import figures
+
+    results = read_results(data) if results is None else results
+    (folder / "report.txt").write_text(text(results) + "\n", encoding="utf-8")
+    write_json(folder / "summary.json", summary(results))
+    _write_failed(folder / "failed.csv", results)
+    plotting.save(figures.sweep_requirements(results), folder / "requirements.png")
+    if telling(results):
+        plotting.save(figures.sweep_importance(results), folder / "importance.png")
+        plotting.save(figures.sweep_worst(results), folder / "worst.png")
+    if data.sizes["kept"]:
+        plotting.save(figures.sweep_bands(data), folder / "bands.png")
+
+
+def summary(results: Results) -> dict:
+    """The numbers of the report by name."""
+    tables = {metric: spread(results, metric) for metric in results.metrics}
+    return {
+        "samples": results.total,
+        "computed": len(results.index),
+        "requirements": {
+            row.requirement: {"passed": row.passed, "samples": row.samples, **row.success._asdict()}
+            for row in outcomes(results)
+        },
+        "metrics": {metric: table._asdict() for metric, table in tables.items() if table},
+        "rank_correlation": {
+            metric: {draw: interval._asdict() for draw, interval in sensitivities(results, metric).items()}
+            for metric in telling(results)
+        },
+    }
+
+
+def _requirements(results: Results) -> list[str]:
+    rows = outcomes(results)
+    width = max(len(row.requirement) for row in rows)
+    lines = [f"{'requirement':{width}}  {'met':>15}  {'probability':>11}  95 % interval"]
+    for row in rows:
+        met = f"{row.passed} of {row.samples}"
+        interval = f"{row.success.low:.4f} to {row.success.high:.4f}"
+        lines.append(f"{row.requirement:{width}}  {met:>15}  {row.success.estimate:11.4f}  {interval}")
+    return lines
+
+
+def _metrics(results: Results) -> list[str]:
+    width = max(map(len, results.metrics))
+    lines = [f"{'metric':{width}} {'median':>11} {'5 %':>11} {'95 %':>11} {'worst':>11}  unit    of sample"]
+    for metric in results.metrics:
+        if table := spread(results, metric):
+            numbers = " ".join(f"{x:11.4g}" for x in table[:4])
+            lines.append(f"{metric:{width}} {numbers}  {METRICS[metric][0]:7} {table.worst_sample}")
+    return lines if len(lines) > 1 else []
+
+
+def _matters(results: Results) -> list[str]:
+    """The strongest rank correlations of what is required."""
+    wanted = telling(results)
+    width = max(map(len, wanted), default=0)
+    lines = []
+    for metric in wanted:
+        strongest = list(sensitivities(results, metric).items())[:_STRONGEST]
+        if strongest:
+            lines.append(f"{metric:{width}}  " + ", ".join(_signed(draw, interval) for draw, interval in strongest))
+    return ["what matters (rank correlation and its 95 % interval)", *lines] if lines else []
+
+
+def _signed(draw: str, interval: Interval) -> str:
+    return f"{draw} {interval.estimate:+.2f} ({interval.low:+.2f} to {interval.high:+.2f})"
+
+
+def _failed(results: Results) -> list[str]:
+    rows = _failures(results)
+    if not rows:
+        return []
+    lines = [f"failed samples: {len(rows)}"]
+    for index, status, time, broken in rows[:_LISTED]:
+        reason = f"{status} at t = {time:g} s" if time is not None else "; ".join(broken)
+        lines.append(f"  {index:8}  {reason}")
+    if len(rows) > _LISTED:
+        lines.append(f"  and {len(rows) - _LISTED} more")
+    return lines
+
+
+def _failures(results: Results) -> list[tuple[int, str, float | None, list[str]]]:
+    """Index, status, time and broken requirements of samples without success; those not completed come first."""
+    met = {str(requirement): results.met(requirement) for requirement in results.requirements}
+    rows = []
+    for i in np.flatnonzero(~np.logical_and.reduce([results.completed, *met.values()])):
+        time = float(results.status_time[i])
+        broken = [name for name, kept in met.items() if not kept[i]] if results.completed[i] else []
+        status = Status(int(results.status[i])).name
+        rows.append((int(results.index[i]), status, None if results.completed[i] else time, broken))
+    return sorted(rows, key=lambda row: row[1] == Status.OK.name)
+
+
+def _write_failed(path: Path, results: Results) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["sample", "status", "time_s", "not_met"])
+        for index, status, time, broken in _failures(results):
+            writer.writerow([index, status, "" if time is None else time, "; ".join(broken)])

@@ -1,0 +1,174 @@
+"""Simulate many plausible samples of a scenario and keep their metrics.
+
+>>> from coopmm_jax.scenario.scenario import load_scenario
+>>> mass = {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}
+>>> short = load_scenario("paper", simulation={"duration": 0.01}, uncertainty={"plant.masses": mass})
+>>> sweep(short, samples=3, keep=0).metrics.sel(metric="force_min").shape
+(3,)
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from tqdm import tqdm
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.runs.store import versions
+from coopmm_jax.scenario.sampling import sampler
+from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.scenario.variation import Variation, vary
+from coopmm_jax.sweeps import measure
+from coopmm_jax.sweeps import store as sweep_store
+from coopmm_jax.sweeps.measure import SERIES, Horizon
+from coopmm_jax.sweeps.processes import Share, concurrently, slots
+from coopmm_jax.sweeps.store import Contents, Labels, SweepStore
+
+if TYPE_CHECKING:
+    import xarray
+
+SAMPLES = 1000
+TILE = 64  # the batch size at which the CPU is fastest
+KEEP = 64
+LIMIT = 2**24  # samples; a noise stream's number is exact in float32 too
+ALONE = Share()
+_PATIENCE = 300.0  # [s], for the process of rank 0 to make the store
+
+
+def sweep(
+    scenario: Scenario | str | Path,
+    samples: int | None = None,
+    seed: int | None = None,
+    sampling: str = "independent",
+    out: str | Path | None = None,
+    resume: bool = False,
+    keep: int = KEEP,
+    tile: int = TILE,
+    share: Share = ALONE,
+) -> xarray.Dataset:
+    """Simulate samples of a scenario whose [uncertainty] says what varies, on all cores or local devices.
+
+    A sample's bits depend on the scenario, the seed and its index alone: not on how many samples there are, on
+    interruptions, or on how many processes share the work.
+
+    Args:
+        scenario: a scenario, or the name or path of one. samples: how many; 1000, or as many as the store to be resumed
+            has. seed: of everything random; the scenario's by default. sampling: "independent", or "sobol" for
+            scrambled Sobol points.
+        out: where to write a zarr store, tile by tile; without it everything stays in memory. resume: go on with the
+            store at ``out``, if there is one, and make it larger if ``samples`` says so.
+        keep: of how many samples, the first ones, to keep time series. tile: samples per call of the compiled
+            function; more than the default suits a GPU. share: which part of the work is this process's.
+
+    Returns:
+        Parameters, metrics and status by sample, read from the store when they are used.
+
+    Raises:
+        UserError: settings that cannot be used, nothing that varies, a store made by other settings, or one that cannot
+            be written.
+    """
+    scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    if seed is not None:
+        scenario = scenario.with_overrides({"simulation.seed": seed})
+    for name, value, least in (("samples", samples, 1), ("keep", keep, 0), ("tile", tile, 1)):
+        if value is not None and not least <= value <= LIMIT:
+            raise UserError(name, f"from {least} to {LIMIT}", value)
+    variation = vary(scenario)
+    if not variation.numbers:
+        raise UserError("uncertainty", "a section that names what varies", "empty")
+    points = sampler(sampling, scenario.simulation.seed, len(variation.draws))
+    contents = _contents(variation, sampling, keep, tile)
+    store = _store(contents, None if out is None else Path(out).expanduser(), samples, resume, share)
+    _fill(store, variation, points, contents, share)
+    return store.dataset()
+
+
+def _contents(variation: Variation, sampling: str, keep: int, tile: int) -> Contents:
+    """What the store of this sweep holds, and all that its bits depend on."""
+    scenario, numbers = variation.scenario, variation.numbers
+    flags = [flag for flag in os.environ.get("XLA_FLAGS", "").split() if "device_count" not in flag]
+    return Contents(
+        settings={
+            "scenario": scenario.to_toml(),
+            "sampling": sampling,
+            "tile": tile,
+            "keep": keep,
+            "versions": versions() | {"xla_flags": " ".join(flags)},
+        },
+        parameters=Labels(*zip(*((n.name, n.unit, n.meaning) for n in numbers), strict=True)),
+        metrics=Labels(tuple(METRICS), *zip(*METRICS.values(), strict=True)),
+        series=Labels(tuple(SERIES), *zip(*SERIES.values(), strict=True)),
+        times=_horizon(scenario).times(),
+    )
+
+
+def _horizon(scenario: Scenario) -> Horizon:
+    return Horizon(scenario.sample_time, scenario.steps, scenario.simulation.precision)
+
+
+def _store(contents: Contents, out: Path | None, samples: int | None, resume: bool, share: Share) -> SweepStore:
+    """The store to fill: a new one, or an old one with room for all samples."""
+    if out is None:
+        return sweep_store.in_memory(contents, samples or SAMPLES)
+    if share.rank > 0:
+        return _appearing_store(contents, out, samples or SAMPLES)
+    if not (resume and out.exists()):
+        return sweep_store.create(out, contents, samples or SAMPLES)
+    store = sweep_store.open_store(out, contents)
+    store.grow(samples or store.samples)
+    return store
+
+
+def _appearing_store(contents: Contents, out: Path, samples: int) -> SweepStore:
+    """The store that rank 0 makes, or makes larger."""
+    end = time.monotonic() + _PATIENCE
+    while time.monotonic() < end:
+        if out.exists():
+            store = sweep_store.open_store(out, contents)
+            if store.samples >= samples:
+                return store
+        time.sleep(0.2)
+    must = f"started together with rank 0, which makes room for {samples} samples in {out}"
+    raise UserError("--rank", must, f"alone for {_PATIENCE:g} s")
+
+
+def _fill(store: SweepStore, variation: Variation, points: Any, contents: Contents, share: Share) -> None:
+    """Compute and write the tiles of this process that are not in the store yet."""
+    tiles = share.tiles(-(-store.samples // contents.tile))
+    missing = [tile for tile in tiles if not store.done(tile)]
+    structure, horizon = variation.structure(), _horizon(variation.scenario)
+
+    def indices(tile: int) -> range:
+        return range(tile * contents.tile, (tile + 1) * contents.tile)
+
+    def drawn() -> Iterator[tuple[int, np.ndarray]]:
+        for tile in missing:
+            yield tile, points(indices(tile))
+
+    def compute(device: Any, item: tuple[int, np.ndarray]) -> None:
+        tile, at = item
+        parameters = variation.batch(at, indices(tile))
+        rows = {"parameters": np.stack(list(variation.values(at).values()), axis=1)}
+        if tile * contents.tile < contents.kept(store.samples):  # first, while another thread compiles what measures
+            rows |= measure.trace(structure, horizon, device, parameters)
+        rows |= measure.measure(structure, horizon, device, parameters)._asdict()
+        _write(store, tile, rows)
+
+    done = (len(tiles) - len(missing)) * contents.tile
+    with tqdm(total=len(tiles) * contents.tile, initial=done, unit="sample", disable=None) as bar:
+        for _ in concurrently(compute, drawn(), slots()):
+            bar.update(contents.tile)
+
+
+def _write(store: SweepStore, tile: int, rows: dict[str, np.ndarray]) -> None:
+    try:
+        store.write(tile, rows)
+    except OSError as error:
+        was = f"{store.path} ({error.strerror}); complete tiles are safe, --resume goes on"
+        raise UserError("out", "a place with room and permission to write", was) from None

@@ -1,0 +1,222 @@
+"""What a sweep says: success probabilities, quantiles, worst samples, and which parameters matter.
+
+>>> rank_correlation(np.arange(20.0), np.arange(20.0) ** 3).estimate
+1.0
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.stats import norm, rankdata
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.metrics.table import LOW_IS_BAD, SHOWN
+from coopmm_jax.scenario.sampling import sampler
+from coopmm_jax.scenario.scenario import Scenario
+from coopmm_jax.scenario.sections.requirements import CONFIDENCE, Interval, Requirement, success
+from coopmm_jax.scenario.variation import vary
+from coopmm_jax.sweeps import store
+
+if TYPE_CHECKING:
+    import xarray
+
+COMPLETED = "completed"  # stands where a metric's name does for "the rollout reached its horizon"
+_OK = 0  # Status.OK; -1 is a sample that has not been computed
+_COLUMNS = 4  # read at a time
+LOW, HIGH = 0.05, 0.95  # quantiles that tables and bands show
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """The n computed samples of a sweep, as far as its report needs them."""
+
+    scenario: Scenario
+    total: int  # samples the sweep is to have
+    index: np.ndarray  # (n,) of each computed sample
+    status: np.ndarray  # (n,) codes of ``Status``
+    status_time: np.ndarray  # (n,) of a failure [s]; NaN for none
+    metrics: dict[str, np.ndarray]  # (n,) of SHOWN and of those with a requirement
+    draws: dict[str, str]  # name of each draw -> the number that stands for it
+    data: xarray.Dataset
+
+    @property
+    def completed(self) -> np.ndarray:
+        """Which samples reached the horizon (n,)."""
+        return self.status == _OK
+
+    def quantiles(self, positions: np.ndarray) -> dict[str, np.ndarray]:
+        """Which quantile of its distribution each draw is, in the computed samples at some positions (k,)."""
+        points = sampler(self.data.attrs["sampling"], self.scenario.simulation.seed, len(self.draws))
+        return dict(zip(self.draws, points(self.index[positions]).T, strict=True))
+
+    @cached_property
+    def correlations(self) -> dict[str, dict[str, Interval]]:
+        """Rank correlation of what is ``telling`` with each draw, in one pass over the draws."""
+        measured = {metric: _of(self, metric) for metric in telling(self)}
+        ranks = {metric: (which, rankdata(values)) for metric, (which, values) in measured.items()}
+        found: dict[str, dict[str, Interval]] = {metric: {} for metric in ranks}
+        for draw, x in _columns(self.data.parameters, self.draws, self.index):
+            for metric, (which, y_ranks) in ranks.items():
+                found[metric][draw] = _correlation(rankdata(x[which]), y_ranks)
+        return found
+
+    @property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Those of the scenario."""
+        return self.scenario.requirements.parsed()
+
+    def met(self, requirement: Requirement) -> np.ndarray:
+        """Which samples completed and keep a limit (n,)."""
+        return self.completed & requirement.met(self.metrics[requirement.metric])
+
+    def low_is_bad(self, metric: str) -> bool:
+        """Whether the smallest value of a metric is the worst: as a requirement says, if there is one."""
+        for requirement in self.requirements:
+            if requirement.metric == metric:
+                return requirement.low_is_bad
+        return metric in LOW_IS_BAD
+
+
+class Outcome(NamedTuple):
+    """How often a requirement is met."""
+
+    requirement: str
+    passed: int
+    samples: int
+    success: Interval
+
+
+class Spread(NamedTuple):
+    """Distribution of a metric over the completed samples."""
+
+    median: float
+    low: float  # 5 %
+    high: float  # 95 %
+    worst: float
+    worst_sample: int
+
+
+def read_results(data: xarray.Dataset, scenario: Scenario | None = None) -> Results:
+    """What the report needs of a sweep's data set.
+
+    Args:
+        scenario: with other requirements than those the sweep was made with.
+
+    Raises:
+        UserError: no sample has been computed yet, or a chunk is corrupt.
+    """
+    scenario = store.scenario_of(data) if scenario is None else scenario
+    required = [requirement.metric for requirement in scenario.requirements.parsed()]
+    shown = list(dict.fromkeys([*required, *SHOWN]))
+    draws: dict[str, str] = {}
+    for number in vary(scenario).numbers:
+        draws.setdefault(number.draw, number.name)
+    status = store.values(data.status)
+    index = np.flatnonzero(status >= 0)
+    if not len(index):
+        raise UserError("store", "a sweep with at least one computed tile", "empty")
+    return Results(
+        scenario=scenario,
+        total=len(status),
+        index=index,
+        status=status[index],
+        status_time=store.values(data.status_time)[index],
+        metrics=dict(_columns(data.metrics, {name: name for name in shown}, index)),
+        draws=draws,
+        data=data,
+    )
+
+
+def _columns(table: xarray.DataArray, names: Mapping[str, str], index: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Columns (n,) of a table (sample, name), by what ``names`` calls them; a few are read at a time."""
+    wanted = list(names.items())
+    for first in range(0, len(wanted), _COLUMNS):
+        some = wanted[first : first + _COLUMNS]
+        read = store.values(table.sel({table.dims[1]: [column for _, column in some]}))
+        for i, (name, _) in enumerate(some):
+            yield name, read[index, i]
+
+
+def as_results(sweep: xarray.Dataset | Results) -> Results:
+    """The results of a data set, unless they are given already."""
+    return sweep if isinstance(sweep, Results) else read_results(sweep)
+
+
+def outcomes(results: Results) -> list[Outcome]:
+    """Success probability of completing at all, of each requirement, and of all of them together."""
+    each = {COMPLETED: results.completed} | {str(r): results.met(r) for r in results.requirements}
+    each["all together"] = np.logical_and.reduce(list(each.values()))
+    n = len(results.index)
+    return [Outcome(name, int(met.sum()), n, success(int(met.sum()), n)) for name, met in each.items()]
+
+
+def spread(results: Results, metric: str) -> Spread | None:
+    """Quantiles and worst sample of a metric; None if no sample was completed."""
+    values, index = results.metrics[metric][results.completed], results.index[results.completed]
+    if not len(values):
+        return None
+    worst = values.argmin() if results.low_is_bad(metric) else values.argmax()
+    quantiles = np.quantile(values, [0.5, LOW, HIGH])
+    return Spread(*map(float, quantiles), float(values[worst]), int(index[worst]))
+
+
+def worst_samples(results: Results, metric: str, count: int) -> np.ndarray:
+    """Positions (k,), k <= ``count``, among the computed samples of the worst values of a metric, worst first.
+
+    Of ``COMPLETED``: of samples that did not complete.
+    """
+    if metric == COMPLETED:
+        return np.flatnonzero(~results.completed)[:count]
+    which, values = _of(results, metric)
+    order = np.argsort(values if results.low_is_bad(metric) else -values, kind="stable")
+    return which[order[:count]]
+
+
+def sensitivities(results: Results, metric: str) -> dict[str, Interval]:
+    """Rank correlation of a metric with each draw over the completed samples, strongest first; {} if not ``telling``.
+
+    Args:
+        metric: or ``COMPLETED``, which counts in every sample, as 1 or 0.
+    """
+    found = results.correlations.get(metric, {})
+    return dict(sorted(found.items(), key=lambda item: -abs(item[1].estimate)))
+
+
+def telling(results: Results) -> list[str]:
+    """What is worth a panel or a line on its causes: completion and the required metrics, if they differ at all."""
+    required = [requirement.metric for requirement in results.requirements] or list(results.metrics)
+    return list(dict.fromkeys(name for name in (COMPLETED, *required) if _differ(_of(results, name)[1])))
+
+
+def _differ(values: np.ndarray) -> bool:
+    """Whether there is anything to correlate; an interval needs four samples."""
+    return len(values) >= 4 and bool(np.any(values != values[0]))
+
+
+def _of(results: Results, metric: str) -> tuple[np.ndarray, np.ndarray]:
+    """Positions among the computed samples for which a metric counts, and its values there."""
+    if metric == COMPLETED:
+        return np.arange(len(results.index)), results.completed.astype(float)
+    which = np.flatnonzero(results.completed)
+    return which, results.metrics[metric][which]
+
+
+def rank_correlation(x: np.ndarray, y: np.ndarray) -> Interval:
+    """Spearman's rank correlation of x (N,) and y (N,), N >= 4, with its 95 % interval.
+
+    Fisher's transformation with the variance of Bonett and Wright (2000), (1 + r^2 / 2) / (n - 3).
+    """
+    return _correlation(rankdata(x), rankdata(y))
+
+
+def _correlation(x_ranks: np.ndarray, y_ranks: np.ndarray) -> Interval:
+    r = float(np.corrcoef(x_ranks, y_ranks)[0, 1])
+    if abs(r) >= 1.0:
+        return Interval(r, r, r)
+    half = norm.ppf(0.5 + CONFIDENCE / 2) * np.sqrt((1.0 + r**2 / 2.0) / (len(x_ranks) - 3))
+    return Interval(r, float(np.tanh(np.arctanh(r) - half)), float(np.tanh(np.arctanh(r) + half)))

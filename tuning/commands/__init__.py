@@ -1,0 +1,1 @@
+"""The subcommands of ``coopmm`` that tune: tune, compare, falsify."""

@@ -1,0 +1,81 @@
+"""``coopmm falsify``."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+from coopmm_jax.commands import DONE
+from coopmm_jax.commands.fields import OVERRIDES
+from coopmm_jax.errors import UserError
+from coopmm_jax.runs.store import result_folder
+from coopmm_jax.scenario.gains_file import read_gains
+from coopmm_jax.scenario.overrides import merged
+from coopmm_jax.scenario.scenario import load_scenario
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    parser = commands.add_parser(
+        "falsify",
+        help="search a scenario's uncertainty for the sample that hurts most",
+        usage=f"coopmm falsify SCENARIO {OVERRIDES} [--rollouts N] [--out FILE.toml] [options]",
+        epilog="What is searched for is the highest cost of [tuning] over tuning.horizon, or a rollout that fails. "
+        "coopmm simulate --help lists the overrides.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario's name, or the path of a TOML file")
+    parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
+    parser.add_argument("--gains-file", metavar="FILE", help="TOML file with [gains], as coopmm tune writes it")
+    parser.add_argument("--rollouts", metavar="N", type=int, default=409, help="budget (default %(default)d)")
+    parser.add_argument("--starts", metavar="N", type=int, default=32, help="of climbs (default %(default)d)")
+    parser.add_argument("--out", metavar="FILE", help="scenario file to write, for coopmm simulate; must not exist")
+    parser.add_argument(
+        "--compare-random",
+        metavar="N",
+        type=int,
+        nargs="?",
+        const=0,
+        help="compare with the worst of N random samples (default: as many as rollouts were spent)",
+    )
+    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
+
+
+def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
+    """Search, print, and write the scenario if a file is named.
+
+    Raises:
+        UserError: a file that exists or cannot be written, or as ``load_scenario``, ``read_gains`` and ``falsify``.
+    """
+    if options.seed is not None:
+        changes = changes | {"simulation.seed": options.seed}
+    if options.gains_file:
+        changes = merged(read_gains(options.gains_file), changes)
+    if options.compare_random is not None and options.compare_random < 0:
+        raise UserError("--compare-random", "at least 1", options.compare_random)
+    path = None if options.out is None else _new_file(options.out)
+    scenario = load_scenario(options.scenario, **changes)
+    from tuning.cost.problem import build_problem
+    from tuning.studies.falsify import falsify, random_costs, table  # imports JAX, as does the next
+
+    with nullcontext() if path is None else result_folder(path.parent) as folder:
+        problem = build_problem(scenario)
+        found = falsify(scenario, options.rollouts, options.starts, problem)
+        if folder is not None:
+            (folder / path.name).write_text(found.scenario.to_toml(), encoding="utf-8")
+    compare = options.compare_random is not None
+    print(table(found, random_costs(problem, options.compare_random or found.rollouts) if compare else None), end="")
+    if path is not None:
+        print(f"written to {options.out}; look at it by coopmm simulate {options.out}")
+    return DONE
+
+
+def _new_file(name: str) -> Path:
+    path = Path(name).expanduser()
+    if path.suffix != ".toml":
+        raise UserError("--out", "a .toml file", name)
+    if path.exists():
+        raise UserError("--out", "a file that does not exist yet", name)
+    return path

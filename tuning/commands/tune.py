@@ -1,0 +1,107 @@
+"""``coopmm tune``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from coopmm_jax.commands import DONE
+from coopmm_jax.commands.fields import OVERRIDES, fields_help
+from coopmm_jax.errors import UserError
+from coopmm_jax.runs.store import result_folder
+from coopmm_jax.scenario.gains_file import read_gains
+from coopmm_jax.scenario.overrides import merged
+from coopmm_jax.scenario.scenario import Scenario, load_scenario
+
+ADVERSARIES = 4  # of --adversarial: a fifth of what the last descent is trained on after four iterations
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    parser = commands.add_parser(
+        "tune",
+        help="tune gains against a scenario's uncertainty and report what it brought on untouched samples",
+        usage=f"coopmm tune SCENARIO {OVERRIDES} [options]",
+        epilog=fields_help(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario's name, or the path of a TOML file")
+    parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
+    parser.add_argument("--gains-file", metavar="FILE", help="start from the gains that another tuning wrote")
+    parser.add_argument("--out", metavar="DIR", default="tuned", help="folder for all results (default tuned)")
+    parser.add_argument("--resume", action="store_true", help="go on with the run in DIR, with the same settings")
+    parser.add_argument("--pareto", metavar="K", type=int, help="tune K weightings between quality and effort at once")
+    parser.add_argument(
+        "--adversarial",
+        action="store_true",
+        help=f"train on the worst samples too that are found on the way, short for --tuning.adversaries {ADVERSARIES}",
+    )
+    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
+
+
+def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
+    """Tune, then print and write the report.
+
+    Raises:
+        UserError: --resume with --pareto, or as ``read_gains``, ``load_scenario``, ``tune`` and ``tune_front``.
+    """
+    if options.seed is not None:
+        changes = changes | {"simulation.seed": options.seed}
+    if options.adversarial:
+        changes = {"tuning.adversaries": ADVERSARIES} | changes
+    if options.gains_file:
+        changes = merged(read_gains(options.gains_file), changes)
+    scenario = load_scenario(options.scenario, **changes)
+    if options.pareto is not None:
+        return _front(scenario, options)
+    from tqdm import tqdm  # this and the next two are slow to import
+
+    from tuning.reports.tune import table, write_report
+    from tuning.studies.tune import Row, tune
+
+    with tqdm(total=scenario.tuning.iterations, unit="iteration", disable=None) as bar:
+
+        def show(row: Row) -> None:
+            bar.update(row.iteration - bar.n)
+            bar.set_postfix({"risk": f"{row.validation:.4g}", "best": f"{row.best:.4g}"})
+            if row.rejected:
+                bar.write(f"iteration {row.iteration}: {row.rejected} steps rejected, the next ones reach half as far")
+
+        result = tune(scenario, out=options.out, resume=options.resume, progress=show)
+    with result_folder(options.out) as folder:
+        write_report(folder, result)
+    print(table(result), end="")
+    print(f"written to {options.out}; use the gains by coopmm simulate SCENARIO --gains-file {options.out}/gains.toml")
+    return DONE
+
+
+def _front(scenario: Scenario, options: argparse.Namespace) -> int:
+    """The front between quality and effort in place of one tuning."""
+    if options.resume:
+        raise UserError("--resume", "left out where --pareto is given", "given")
+    if scenario.tuning.adversaries:
+        raise UserError("tuning.adversaries", "0 where --pareto is given", scenario.tuning.adversaries)
+    from tqdm import tqdm  # this and the next two are slow to import
+
+    from tuning.reports.pareto import check_folder, table, write_report
+    from tuning.studies.pareto import Round, tune_front
+
+    check_folder(Path(options.out))
+    with (
+        tqdm(total=scenario.tuning.iterations, unit="iteration", disable=None) as bar,
+        result_folder(options.out) as folder,
+    ):
+
+        def show(row: Round) -> None:
+            bar.update(row.iteration - bar.n)
+            bar.set_postfix({"weightings improved": row.improved})
+            if row.rejected:
+                bar.write(f"iteration {row.iteration}: {row.rejected} steps rejected, the next ones reach half as far")
+
+        front = tune_front(scenario, options.pareto, progress=show)
+        write_report(folder, front)
+    print(table(front), end="")
+    print(f"written to {options.out}; compare gains by coopmm compare scenario {options.out}/gains_*.toml --scenario S")
+    return DONE

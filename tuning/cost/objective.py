@@ -1,0 +1,168 @@
+"""The cost of one rollout: weighted terms, accumulated inside the scan, as a plain differentiable function.
+
+>>> import jax
+>>> from coopmm_jax.scenario.scenario import load_scenario
+>>> scenario = load_scenario("paper", simulation={"duration": 0.01}, tuning={"horizon": 0.01, "tracking_from": 0.0})
+>>> objective = Objective.of(scenario, scenario.structure(), horizon=0.01)
+>>> cost = jax.jit(objective.cost)(objective.space.start, scenario.parameters(), jnp.ones(len(TERMS)))
+>>> bool(cost > 0)
+True
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from coopmm_jax.algebra.matrix import Scalar, Vector
+from coopmm_jax.control.reference import desired_force
+from coopmm_jax.loop.closed_loop import Signals
+from coopmm_jax.loop.rollout import Observer, Plan, rollout
+from coopmm_jax.mechanics.actuators import torque_limits
+from coopmm_jax.metrics.observer import squared_errors
+from coopmm_jax.parameters import Parameters, Structure
+from tuning.cost.gain_space import GainSpace, gain_space
+
+if TYPE_CHECKING:
+    from coopmm_jax.scenario.scenario import Scenario
+
+# name -> (unit of its time average, the least value that a term is scaled by: what is as good as zero)
+TERMS: dict[str, tuple[str, float]] = {
+    "object": ("m^2", 1e-6),
+    "relative": ("m^2", 1e-6),
+    "posture": ("rad^2, m^2", 1e-6),
+    "force": ("N^2", 1e-2),
+    "internal": ("N^2", 1e-2),
+    "contact_loss": ("N^2", 1e-2),
+    "effort": ("N^2 m^2", 1e-2),
+    "torque_variation": ("N m/s", 1.0),
+    "saturation": ("N^2 m^2", 1e-2),
+}
+TRACKING = ("object", "relative", "posture")
+# A rollout that fails costs this, and up to twice as much the earlier it fails: more than any that completes.
+FAILED = 1e6
+_SEGMENT = 50  # steps between checkpoints of the reverse pass
+# A tile of 32 lanes keeps 50 kB of each RK4 step for the reverse pass: half a gigabyte of so many. Checkpoints instead
+# compile half as long again.
+_KEPT = 10_000
+_SMOOTHING = 1e-3  # [N m], of the absolute torque changes
+
+
+class Total(NamedTuple):
+    """What is gathered along a rollout."""
+
+    terms: Vector  # sums over samples, in the order of TERMS
+    torque: Vector  # of the last sample, all actuators (10,) [N m]
+
+
+class Evaluation(NamedTuple):
+    """One rollout's terms, and whether it completed."""
+
+    terms: Vector  # time averages, in the order of TERMS
+    completed: Scalar
+    survived: Scalar  # share of the horizon before a failure
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Cost of one rollout as a function of the tuned numbers; hashable, so that it can be static under jit."""
+
+    space: GainSpace
+    structure: Structure
+    step: float  # time between samples [s]
+    steps: int  # of the horizon
+    tracking_from: float  # [s]; earlier errors are the start's, which no gain can undo, and would drown the later ones
+
+    @classmethod
+    def of(cls, scenario: Scenario, structure: Structure, horizon: float) -> Objective:
+        """The objective of a scenario over a horizon [s]; ``structure`` has every effect that varies."""
+        step = scenario.sample_time
+        return cls(gain_space(scenario), structure, step, round(horizon / step), scenario.tuning.tracking_from)
+
+    def evaluate(self, vector: Any, parameters: Parameters, for_gradient: bool = False) -> Evaluation:
+        """Terms of the rollout with the gains of ``vector`` (n,).
+
+        Args:
+            parameters: of one sample, scalars. for_gradient: static; what ``jax.grad`` runs twice as fast, and a batch
+                without it a fifth slower.
+        """
+        parameters = parameters._replace(gains=self.space.gains(vector))
+        long = self.steps * max(1, self.structure.substeps) > _KEPT
+        plan = Plan.covering(self.steps, _SEGMENT, checkpoint=for_gradient and long, packed=for_gradient)
+        result = rollout(self.structure, parameters, self.step, self.steps, plan, self._observer(parameters))
+        completed = result.health.status == 0
+        survived = jnp.where(completed, 1.0, result.health.step / (self.steps + 1))
+        return Evaluation(tuple(total / (self.steps + 1) for total in result.total.terms), completed, survived)
+
+    def cost(self, vector: Any, parameters: Parameters, coefficients: Any, for_gradient: bool = False) -> Scalar:
+        """Weighted sum of the terms; finite for every rollout, and at least ``FAILED`` for one that fails.
+
+        Args:
+            vector: (n,). parameters: of one sample; ``jax.vmap`` over them for many. coefficients: weight over scale of
+                each term (9,), in the order of ``TERMS``. for_gradient: as in ``evaluate``.
+        """
+        terms, completed, survived = self.evaluate(vector, parameters, for_gradient)
+        cost = sum(coefficients[i] * term for i, term in enumerate(terms))
+        return jnp.where(completed, cost, FAILED * (2.0 - survived))
+
+    def sample_terms(self, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
+        """The terms of one sample at t [s] by name, all but the torque variation; another cost replaces this alone."""
+        return _terms(self.structure, parameters, t, signals)
+
+    def _observer(self, parameters: Parameters) -> Observer:
+        zero = jnp.zeros((), jnp.result_type(float))
+
+        def update(total: Total, t: Scalar, signals: Signals) -> Total:
+            torque = (*signals.torque[0], *signals.torque[1])
+            change = sum(_size(now - before) for now, before in zip(torque, total.torque, strict=True))
+            first = t < 0.5 * self.step
+            terms = self.sample_terms(parameters, t, signals)
+            for name in TRACKING:
+                terms[name] = jnp.where(t > self.tracking_from - 0.5 * self.step, terms[name], 0.0)
+            terms["torque_variation"] = jnp.where(first, 0.0, change / self.step)
+            sums = tuple(old + terms[name] for old, name in zip(total.terms, TERMS, strict=True))
+            return Total(sums, torque)
+
+        return Observer(Total((zero,) * len(TERMS), (zero,) * 10), update)
+
+
+def _terms(structure: Structure, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
+    """One sample's terms, all but the torque variation."""
+    errors = squared_errors(parameters.reference, parameters.plant.surface, t, signals)
+    contact = structure.rows.index("contact_normal")
+    desired = desired_force(parameters.reference, structure.rows)
+    others = [x - d for i, (x, d) in enumerate(zip(signals.constraint_force, desired, strict=True)) if i != contact]
+    return {
+        "object": errors.pop("object_{}"),
+        "relative": errors.pop("relative_tip_{}"),
+        "posture": sum(errors.values()),
+        "force": signals.force_error[contact] ** 2,
+        "internal": sum((x**2 for x in others), 0.0 * t),
+        "contact_loss": jnp.maximum(-signals.constraint_force[contact], 0.0) ** 2,
+        "effort": sum(x**2 for robot in signals.torque for x in robot),
+        "saturation": _excess(structure, parameters, signals) + 0.0 * t,
+    }
+
+
+def _excess(structure: Structure, parameters: Parameters, signals: Signals) -> Scalar:
+    """Squared torque asked for beyond the limits [N^2 m^2]; 0 without limits."""
+    if not {"torque_limits", "smooth_limits"} & set(structure.features):
+        return 0.0
+    limits = torque_limits(parameters.hardware)
+    beyond = (jnp.abs(x) - limit for robot in signals.commanded for x, limit in zip(robot, limits, strict=True))
+    return sum(jnp.maximum(x, 0.0) ** 2 for x in beyond)
+
+
+def _size(x: Scalar) -> Scalar:
+    """|x|, smooth at 0."""
+    return jnp.sqrt(x * x + _SMOOTHING**2) - _SMOOTHING
+
+
+def coefficients(weights: Mapping[str, float], scales: np.ndarray) -> np.ndarray:
+    """Weight over scale of each term (9,): its mean under the starting gains, but not below its floor in ``TERMS``."""
+    floors = np.array([floor for _, floor in TERMS.values()])
+    return np.array([weights[name] for name in TERMS]) / np.maximum(scales, floors)

@@ -1,0 +1,133 @@
+"""Figures of a comparison of gains: required metrics against their limits, paired costs, bands over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.plotting.style import REFERENCE, WIDTH, legend, panels, pen, styled
+from coopmm_jax.scenario.sections.requirements import Requirement
+from coopmm_jax.sweeps.figures import hatch_beyond
+from coopmm_jax.sweeps.measure import SERIES
+
+if TYPE_CHECKING:
+    from tuning.studies.compare import ComparedGains
+
+# (series, from which share of the duration on): the start's peak would hide how steady the force is later
+_ROWS = (("contact_force", 0.0), ("contact_force", 0.5), ("tracking_error", 0.0), ("object_error", 0.0))
+_LOW, _HIGH = 0.05, 0.95
+_MARKERS = "osD^v"
+_GOLDEN = 0.6180339887498949  # multiples of it spread points evenly whatever their number
+
+
+@styled
+def requirements(compared: ComparedGains, axes: Any = None) -> Figure:
+    """Each required metric of every completed sample, set by set, with median and 5 to 95 %; beyond its limit hatched.
+
+    Args:
+        axes: matplotlib axes to draw on, one for each requirement.
+    """
+    limits, sets = compared.scenario.requirements.parsed(), len(compared.labels)
+    layout = [[str(i)] for i in range(len(limits))]
+    figure, all_axes = panels(axes, layout, height=len(limits) * (0.75 + 0.3 * sets))
+    for panel, limit in zip(all_axes, limits, strict=True):
+        _strips(panel, compared, limit)
+    return figure
+
+
+@styled
+def costs(compared: ComparedGains, axes: Any = None) -> Figure:
+    """Every sample's cost under each set against that under the first, and how the ratios are distributed.
+
+    Args:
+        axes: two matplotlib axes to draw on.
+    """
+    figure, (pairs, shares) = panels(axes, [["pairs", "shares"]], height=3.2)
+    first, completed = compared.comparison.costs[0], compared.comparison.completed
+    for i, label in enumerate(compared.labels[1:], 1):
+        both = completed[0] & completed[i]
+        before, after = first[both], compared.comparison.costs[i][both]
+        colour = pen(i)["color"]
+        name = label if both.all() else f"{label} ({(~both).sum()} failures left out)"
+        pairs.plot(before, after, _MARKERS[(i - 1) % 5], color=colour, markersize=3.5, mfc="none", label=name)
+        ratios = np.sort(after / before)
+        shares.plot(ratios, np.arange(1, len(ratios) + 1) / max(1, len(ratios)), label=name, **pen(i))
+    pairs.axline((1.0, 1.0), (2.0, 2.0), label="equal", **REFERENCE)
+    pairs.set(xscale="log", yscale="log", xlabel=f"cost under {compared.labels[0]} [-]", ylabel="cost [-]")
+    shares.axvline(1.0, **REFERENCE)
+    shares.set_xlim(left=0.0)
+    shares.set(xlabel=f"cost over that under {compared.labels[0]} [-]", ylabel="share of samples [-]")
+    legend(pairs)
+    legend(shares)
+    return figure
+
+
+@styled
+def bands(compared: ComparedGains, axes: Any = None) -> Figure:
+    """Median and 5 to 95 % over time of force and errors, a column for each set; the first set's median behind all.
+
+    Args:
+        axes: matplotlib axes to draw on, four rows of as many as there are sets.
+    """
+    sets = len(compared.labels)
+    layout = [[f"{row} {i}" for i in range(sets)] for row in range(len(_ROWS))]
+    figure, all_axes = panels(axes, layout, height=7.0, width=max(WIDTH, 1.0 + 2.0 * sets))
+    for row, (name, since) in enumerate(_ROWS):
+        line = all_axes[row * sets : (row + 1) * sets]
+        for i, panel in enumerate(line):
+            _band(panel, compared, name, since, i)
+            panel.sharey(line[0])
+            panel.tick_params(labelleft=i == 0)
+        late = ", late" if since else ""
+        line[0].set_ylabel(f"{name.replace('_', ' ')}{late} [{SERIES[name][0]}]")
+    for name, top, bottom in zip(_names(compared), all_axes, all_axes[-sets:], strict=False):
+        top.set_title(name)
+        bottom.set_xlabel("time [s]")
+    return figure
+
+
+def _names(compared: ComparedGains) -> list[str]:
+    """Labels of the sets, with how many rollouts fail and so are not drawn."""
+    failing = (~compared.comparison.completed).sum(axis=1)
+    return [f"{label} ({n} fail)" if n else label for label, n in zip(compared.labels, failing, strict=True)]
+
+
+def _strips(axes: Axes, compared: ComparedGains, limit: Requirement) -> None:
+    for i, completed in enumerate(compared.comparison.completed):
+        values = compared.comparison.metrics[limit.metric][i][completed]
+        if not len(values):
+            continue
+        heights = i + 0.5 * ((np.arange(len(values)) * _GOLDEN) % 1.0 - 0.5)
+        axes.plot(values, heights, "o", color=pen(i)["color"], markersize=2.5, alpha=0.6, markeredgewidth=0.0)
+        low, middle, high = np.quantile(values, [_LOW, 0.5, _HIGH])
+        axes.plot([low, high], [i + 0.35] * 2, color="0.2", linewidth=1.2)
+        axes.plot(middle, i + 0.35, "|", color="0.2", markersize=8, markeredgewidth=1.6)
+    names = _names(compared)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_xmargin(0.03)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel(f"{limit} [{METRICS[limit.metric][0]}]")
+    hatch_beyond(axes, limit)
+
+
+def _band(axes: Axes, compared: ComparedGains, name: str, since: float, which: int) -> None:
+    times = compared.comparison.times
+    shown = times >= since * times[-1]
+    for i in dict.fromkeys([0, which]):
+        values = compared.comparison.series[name][i][:, shown]
+        values = values[~np.isnan(values).any(axis=1)]
+        if not len(values):
+            continue
+        low, middle, high = np.quantile(values, [_LOW, 0.5, _HIGH], axis=0)
+        if i == which:
+            axes.fill_between(times[shown], low, high, color=pen(0)["color"], alpha=0.3, linewidth=0.0)
+            axes.plot(times[shown], middle, **pen(0))
+        else:
+            axes.plot(times[shown], middle, **REFERENCE)
+    if name != "contact_force":
+        axes.set_yscale("log")

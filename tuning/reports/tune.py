@@ -1,0 +1,77 @@
+"""What a tuning brought, on samples that nothing was chosen by: a table and figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from coopmm_jax.plotting.style import save
+from coopmm_jax.runs.store import write_json
+from coopmm_jax.scenario.sections.requirements import Requirement, success
+from tuning.cost.objective import TERMS
+from tuning.reports import tune_figures
+from tuning.studies.comparison import STATISTICS, Change, ratio
+
+if TYPE_CHECKING:
+    from tuning.studies.tune import TuningResult
+
+
+def write_report(folder: Path, result: TuningResult) -> None:
+    """Write report.txt, report.json, convergence.png, gains.png and bands.png."""
+    (folder / "report.txt").write_text(table(result), encoding="utf-8")
+    content = {"costs": {name: change._asdict() for name, change in changes(result).items()}}
+    content |= {"requirements": [_requirement(result, r) for r in result.scenario.requirements.parsed()]}
+    content |= {"gains": dict(zip(result.labels, np.stack([result.before, result.after], 1).tolist(), strict=True))}
+    write_json(folder / "report.json", content)
+    for draw in (tune_figures.convergence, tune_figures.gains, tune_figures.bands):
+        save(draw(result), folder / f"{draw.__name__}.png")
+
+
+def changes(result: TuningResult) -> dict[str, Change]:
+    """Costs and terms before and after, with 95 % intervals of the ratio by paired bootstrap."""
+    comparison = result.comparison
+    found = {name: ratio(comparison.costs, statistic) for name, statistic in STATISTICS.items()}
+    for i, (name, (unit, _)) in enumerate(TERMS.items()):
+        found[f"{name} [{unit}]"] = ratio(comparison.terms[:, :, i])
+    return found
+
+
+def table(result: TuningResult) -> str:
+    """The table before/after, as text."""
+    count = result.comparison.costs.shape[1]
+    lines = [f"{count} untouched samples over the whole duration", ""]
+    lines.append(f"{'':28} {'before':>12} {'after':>12} {'ratio':>9}   95 % interval of the ratio")
+    for name, change in changes(result).items():
+        lines.append(f"{name:28} {change.before:12.5g} {change.after:12.5g} {_ratio(change)}")
+    lines += ["", _losses(result), ""]
+    for requirement in result.scenario.requirements.parsed():
+        rates = _requirement(result, requirement)["success"].items()
+        parts = (f"{when} {p['estimate']:.3f} ({p['low']:.3f} to {p['high']:.3f})" for when, p in rates)
+        lines.append(f"requirement {requirement}: success {', '.join(parts)}")
+    lines += ["", f"{'gain':16} {'before':>12} {'after':>12}"]
+    for label, before, after in zip(result.labels, result.before, result.after, strict=True):
+        lines.append(f"{label:16} {before:12.5g} {after:12.5g}")
+    return "\n".join(lines) + "\n"
+
+
+def _ratio(change: Change) -> str:
+    if change.before == 0.0:
+        return f"{'-':>9}"
+    return f"{change.after / change.before:9.4f}   {change.low:.4f} to {change.high:.4f}"
+
+
+def _losses(result: TuningResult) -> str:
+    lost = result.comparison.metrics["contact_loss_fraction"]
+    before, after = (int(np.sum(row > 0.0)) for row in lost)
+    failed = [int(np.sum(~row)) for row in result.comparison.completed]
+    return (
+        f"samples that lose contact: {before} before, {after} after (mean share of time {np.mean(lost[0]):.2g} before, "
+        f"{np.mean(lost[1]):.2g} after); samples that fail: {failed[0]} before, {failed[1]} after"
+    )
+
+
+def _requirement(result: TuningResult, requirement: Requirement) -> dict[str, object]:
+    rates = (success(int(met.sum()), len(met))._asdict() for met in result.comparison.met(requirement))
+    return {"requirement": str(requirement), "success": dict(zip(("before", "after"), rates, strict=True))}

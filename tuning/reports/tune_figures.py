@@ -1,0 +1,83 @@
+"""Figures of a tuning: how it converged, what became of the gains, bands of errors before and after."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+
+from coopmm_jax.plotting.style import legend, panels, pen, styled
+from coopmm_jax.sweeps.measure import SERIES
+
+if TYPE_CHECKING:
+    from tuning.studies.tune import TuningResult
+
+_BANDS = ("contact_force", "tracking_error", "object_error", "relative_tip_error")
+_LOW, _HIGH = 0.05, 0.95
+
+
+@styled
+def convergence(result: TuningResult) -> Figure:
+    """Training and validation risk by iteration."""
+    figure, (axes,) = panels(None, [["risk"]], 3.0)
+    iterations = [row.iteration for row in result.history]
+    for i, name in enumerate(("training", "validation", "best")):
+        label = "best validation so far" if name == "best" else name
+        axes.semilogy(iterations, [getattr(row, name) for row in result.history], label=label, **pen(i))
+    axes.set(xlabel="iteration", ylabel="risk")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    _plain_numbers(axes.yaxis)
+    legend(axes)
+    return figure
+
+
+@styled
+def gains(result: TuningResult) -> Figure:
+    """Every tuned number before and after."""
+    figure, (axes,) = panels(None, [["gains"]], 1.2 + 0.22 * len(result.labels))
+    rows = np.arange(len(result.labels))[::-1]
+    for before, after, row in zip(result.before, result.after, rows, strict=True):
+        axes.plot([before, after], [row, row], color="0.7", linewidth=1.0, zorder=1)
+    axes.plot(result.before, rows, "o", mfc="white", color=pen(0)["color"], label="before")
+    axes.plot(result.after, rows, "o", color=pen(4)["color"], label="after")
+    axes.set_yticks(rows, result.labels)
+    axes.set(xscale="log", xlabel="gain", ylim=(-0.6, len(rows) - 0.4))
+    _plain_numbers(axes.xaxis)
+    legend(axes)
+    return figure
+
+
+def _plain_numbers(axis: Axis) -> None:
+    """Few and short labels on a logarithmic axis, where matplotlib's own overlap if it spans little."""
+    low, high = axis.get_view_interval()
+    if high < 10.0 * low:
+        axis.set_major_locator(MaxNLocator(5))
+    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)) if 10.0 <= high / low < 1e3 else NullLocator())
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("{x:g}")
+
+
+@styled
+def bands(result: TuningResult) -> Figure:
+    """Median and 5 to 95 % of force and errors over the first test samples, before and after."""
+    comparison = result.comparison
+    figure, all_axes = panels(None, [[name] for name in _BANDS], 7.0)
+    for axes, name in zip(all_axes, _BANDS, strict=True):
+        for i, label in enumerate(("before", "after")):
+            values = comparison.series[name][i]
+            values = values[~np.isnan(values).any(axis=1)]
+            if not len(values):
+                continue
+            low, middle, high = np.quantile(values, [_LOW, 0.5, _HIGH], axis=0)
+            style = pen(4 * i)
+            axes.fill_between(comparison.times, low, high, color=style["color"], alpha=0.2, linewidth=0.0)
+            axes.plot(comparison.times, middle, label=label, **style)
+        if name != "contact_force":
+            axes.set_yscale("log")
+        axes.set_ylabel(f"{name.replace('_', ' ')} [{SERIES[name][0]}]")
+    legend(all_axes[0])
+    all_axes[-1].set_xlabel("time [s]")
+    return figure

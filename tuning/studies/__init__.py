@@ -1,0 +1,1 @@
+"""What is asked: tuned gains, a front, the worst sample, a comparison."""

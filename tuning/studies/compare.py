@@ -1,0 +1,154 @@
+"""Gain files on the same samples of a scenario's uncertainty: ``coopmm compare``.
+
+>>> labels(["a/gains.toml", "b/gains.toml", "scenario"])
+('a/gains', 'b/gains', 'scenario')
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.parameters import Gains
+from coopmm_jax.scenario.gains_file import read_gains
+from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.scenario.variation import vary
+from tuning.cost import evaluate
+from tuning.cost.objective import TERMS, Objective, coefficients
+from tuning.cost.problem import TEST, VALIDATION, Problem
+from tuning.cost.risk import risk
+from tuning.search.method import Search
+from tuning.studies.comparison import Comparison, compare
+
+OWN = "scenario"  # stands for the scenario's own gains in the place of a file
+
+
+@dataclass(frozen=True)
+class AnyGains:
+    """All gains as a vector of their numbers, in their own units: unlike ``GainSpace``, those not tuned as well."""
+
+    structure: Any  # of ``Gains`` as a pytree
+
+    @property
+    def size(self) -> int:
+        """Length of a vector."""
+        return self.structure.num_leaves
+
+    def gains(self, vector: Any) -> Gains:
+        """The gains that a vector (n,) stands for."""
+        return jax.tree.unflatten(self.structure, [vector[i] for i in range(self.size)])
+
+
+@dataclass(frozen=True)
+class ComparedGains:
+    """S sets of gains on the same samples, in the order in which they were named."""
+
+    scenario: Scenario
+    labels: tuple[str, ...]  # (S,)
+    comparison: Comparison
+
+    @property
+    def samples(self) -> int:
+        """N."""
+        return self.comparison.costs.shape[1]
+
+    def outcomes(self) -> dict[str, np.ndarray]:
+        """Which rollouts (S, N) completed, met each requirement, and all of that together."""
+        met = {"completed": self.comparison.completed}
+        met |= {str(r): self.comparison.met(r) for r in self.scenario.requirements.parsed()}
+        return met | {"all together": np.logical_and.reduce(list(met.values()))}
+
+
+def compare_gains(
+    scenario: Scenario | str | Path, sources: Sequence[str | Path], samples: int | None = None
+) -> ComparedGains:
+    """Run several sets of gains on the same samples of a scenario's [uncertainty], over the whole duration.
+
+    Costs are those of the scenario's [tuning], their terms scaled as ``tuning.tune`` does; the samples are the head of
+    what a sweep draws and no tuning with the same seed has chosen anything by.
+
+    Args:
+        scenario: a scenario, or the name or path of one. sources: paths of gains files, laid over the scenario, or the
+            word "scenario" for its own gains; at least two. samples: how many; the scenario's tuning.test_samples by
+            default.
+
+    Raises:
+        UserError: fewer than two sources, a file that does not hold gains of this scenario, nothing varies, or no
+            validation sample completes with the scenario's own gains, which scale the cost.
+    """
+    if len(sources) < 2:
+        raise UserError("GAINS", f"at least two gain files, or one and the word {OWN}", f"{len(sources)}")
+    if samples is not None and samples < 1:
+        raise UserError("--samples", "at least 1", samples)
+    if not isinstance(scenario, Scenario):
+        scenario = load_scenario(scenario)
+    sets = [_gains(scenario, source) for source in sources]
+    problem = _problem(scenario)
+    vectors = np.stack([_vector(gains) for gains in sets])
+    comparison = compare(problem, vectors, TEST, samples or scenario.tuning.test_samples)
+    return ComparedGains(scenario, labels(sources), comparison)
+
+
+def labels(sources: Sequence[str | Path]) -> tuple[str, ...]:
+    """Short names of gains files (S,): as much of the end of their paths as tells them apart.
+
+    >>> labels(["a/fast.toml", "a/slow.toml", "a/slow.toml"])
+    ('fast', 'slow', 'slow (2)')
+    """
+    paths = [Path(source).with_suffix("") for source in sources]
+    depth = 1
+    while depth < max(len(path.parts) for path in paths):
+        if len({path.parts[-depth:] for path in paths}) == len(set(paths)):
+            break
+        depth += 1
+    short = ["/".join(path.parts[-depth:]) for path in paths]
+    again = [short[:i].count(name) + 1 for i, name in enumerate(short)]
+    return tuple(name if count == 1 else f"{name} ({count})" for name, count in zip(short, again, strict=True))
+
+
+def _gains(scenario: Scenario, source: str | Path) -> Gains:
+    """The scenario's gains under a gains file."""
+    if str(source) == OWN:
+        return scenario.parameters().gains
+    try:
+        tables = read_gains(source)
+    except UserError as error:
+        raise UserError("GAINS", f"{error.must}, or the word {OWN}", error.was) from None
+    try:
+        changed = scenario.with_overrides(tables)
+    except UserError as error:
+        raise UserError(f"{source}: {error.field}", error.must, error.was, error.more) from None
+    if changed.structure() != scenario.structure():
+        must = "without choices that change the control law's equations (simulate them as scenarios of their own)"
+        raise UserError(f"{source}: law", must, ", ".join(tables["law"]))
+    return changed.parameters().gains
+
+
+def _vector(gains: Gains) -> np.ndarray:
+    return np.array(jax.tree.leaves(gains))
+
+
+def _problem(scenario: Scenario) -> Problem:
+    """The scenario's cost over its whole duration, as a function of any gains."""
+    variation, own = vary(scenario), scenario.parameters().gains
+    if not variation.numbers:
+        raise UserError("uncertainty", "given, so that there are samples to compare on", "empty")
+    space = AnyGains(jax.tree.structure(own))
+    step, settings = scenario.sample_time, scenario.tuning
+    objective = Objective(space, variation.structure(), step, scenario.steps, settings.tracking_from)
+    search = Search(objective, np.zeros(len(TERMS)), risk("mean"))
+    problem = Problem(scenario, variation, search, search)
+    fixed = problem.samples(VALIDATION, settings.validation_samples)
+    found = evaluate.evaluate(objective, _vector(own)[None], fixed)
+    completed = found.completed[0]
+    if not completed.any():
+        raise UserError("gains", "such that at least one validation sample completes, to scale the cost by", "none")
+    scales = np.mean(found.terms[0][completed], axis=0)
+    search = replace(search, coefficients=coefficients(dict(settings.weights), scales))
+    return Problem(scenario, variation, search, search)

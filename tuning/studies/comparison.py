@@ -1,0 +1,137 @@
+"""Several sets of gains on the same samples: costs, terms and metrics, paired sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax
+import numpy as np
+
+from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.scenario.sections.requirements import Requirement
+from coopmm_jax.status import Status
+from coopmm_jax.sweeps import measure
+from coopmm_jax.sweeps.measure import Horizon
+from coopmm_jax.sweeps.processes import concurrently, slots
+from tuning.cost import evaluate
+from tuning.cost.evaluate import TILE, Samples
+from tuning.cost.risk import tail_shares
+
+if TYPE_CHECKING:
+    from tuning.cost.problem import Problem
+
+BOOTSTRAPS = 2000
+BANDS = 32  # samples whose series are kept for figures
+
+
+class Comparison(NamedTuple):
+    """S sets of gains, as tuning's before (0) and after (1), along the first axis; the N samples are the same."""
+
+    costs: np.ndarray  # (S, N)
+    terms: np.ndarray  # (S, N, 9) time averages, in the order of TERMS, of a failed rollout until then
+    metrics: dict[str, np.ndarray]  # (S, N) by name
+    status: np.ndarray  # (S, N) codes of ``Status``
+    times: np.ndarray  # (T,) [s]
+    series: dict[str, np.ndarray]  # (S, B, T) of the first samples, by name; NaN from a failure on
+
+    @property
+    def completed(self) -> np.ndarray:
+        """Which rollouts reached the horizon (S, N)."""
+        return self.status == Status.OK
+
+    def met(self, requirement: Requirement) -> np.ndarray:
+        """Which rollouts completed and keep a limit (S, N)."""
+        return self.completed & requirement.met(self.metrics[requirement.metric])
+
+
+def compare(problem: Problem, vectors: np.ndarray, first: int, count: int) -> Comparison:
+    """The gains of S vectors (S, n) on the samples ``first`` to ``first + count - 1``, over the whole duration."""
+    search, samples = problem.validation, problem.samples(first, count)
+    found = evaluate.evaluate(search.objective, vectors, samples)
+    scenario = problem.scenario
+    horizon = Horizon(scenario.sample_time, scenario.steps, "float64")
+    measured = [_measured(problem, vector, samples, horizon) for vector in vectors]
+    bands = problem.samples(first, min(count, BANDS))
+    series = [_series(problem, vector, bands, horizon) for vector in vectors]
+    return Comparison(
+        costs=found.costs(search.coefficients),
+        terms=found.terms,
+        metrics={name: np.stack([table[:, i] for table, _ in measured]) for i, name in enumerate(METRICS)},
+        status=np.stack([status for _, status in measured]),
+        times=horizon.times(),
+        series={name: np.stack([one[name] for one in series]) for name in series[0]},
+    )
+
+
+def _with_gains(problem: Problem, vector: np.ndarray, samples: Samples, rows: np.ndarray) -> object:
+    """Parameters of some samples under the gains of a vector, every leaf (B,)."""
+    gains = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), len(rows)), problem.space.gains(vector))
+    parameters = jax.tree.unflatten(samples.structure, list(samples.rows[rows].T))
+    return parameters._replace(gains=gains)
+
+
+def _measured(
+    problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon
+) -> tuple[np.ndarray, np.ndarray]:
+    """Metrics (N, M) and status (N,) of every sample."""
+    results: dict[int, measure.Measured] = {}
+
+    def compute(device: jax.Device, start: int) -> None:
+        rows = np.minimum(np.arange(start, start + TILE), len(samples) - 1)
+        with jax.enable_x64(True):
+            parameters = _with_gains(problem, vector, samples, rows)
+        results[start] = measure.measure(problem.variation.structure(), horizon, device, parameters)
+
+    for _ in concurrently(compute, range(0, len(samples), TILE), slots()):
+        pass
+    in_order = [results[start] for start in sorted(results)]
+    columns = ([one.metrics for one in in_order], [one.status for one in in_order])
+    return tuple(np.concatenate(column)[: len(samples)] for column in columns)
+
+
+def _series(problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon) -> dict[str, np.ndarray]:
+    rows = np.minimum(np.arange(BANDS), len(samples) - 1)
+    parameters = _with_gains(problem, vector, samples, rows)
+    found = measure.trace(problem.variation.structure(), horizon, slots()[0], parameters)
+    return {name: values[: len(samples)] for name, values in found.items()}
+
+
+class Change(NamedTuple):
+    """A statistic before and after, and the paired bootstrap's 95 % interval of after / before."""
+
+    before: float
+    after: float
+    low: float
+    high: float
+
+
+def ratio(values: np.ndarray, statistic: Callable[[np.ndarray], float] = np.mean, seed: int = 0) -> Change:
+    """How a statistic of paired values (2, N) changed.
+
+    >>> ratio(np.array([[2.0, 4.0], [1.0, 2.0]]))
+    Change(before=3.0, after=1.5, low=0.5, high=0.5)
+    """
+    draws = np.random.default_rng(seed).integers(values.shape[1], size=(BOOTSTRAPS, values.shape[1]))
+    before, after = (np.array([statistic(row[draw]) for draw in draws]) for row in values)
+    ratios = after / np.maximum(before, 1e-300)
+    low, high = np.quantile(ratios, [0.025, 0.975])
+    return Change(float(statistic(values[0])), float(statistic(values[1])), float(low), float(high))
+
+
+def tail_mean(costs: np.ndarray, level: float) -> float:
+    """Mean of the worst (1 - level) N of costs (N,): the conditional value at risk.
+
+    >>> tail_mean(np.arange(10.0), 0.8)
+    8.5
+    """
+    return float(np.sum(np.sort(costs)[::-1] * tail_shares(len(costs), level)))
+
+
+# What tables say of the costs of many samples, by name.
+STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
+    "cost, mean": np.mean,
+    "cost, CVaR(0.9)": partial(tail_mean, level=0.9),
+    "cost, worst": np.max,
+}
