@@ -106,7 +106,7 @@ def test_processes_find_each_other_through_a_coordinator():
     with socket.socket() as free:
         free.bind(("localhost", 0))
         coordinator = f"localhost:{free.getsockname()[1]}"
-    code = "import sys; from coopmm_jax.distributed import share; print(share(int(sys.argv[1]), 2, sys.argv[2]))"
+    code = "import sys; from coopmm_jax.sweeps.processes import share; print(share(int(sys.argv[1]), 2, sys.argv[2]))"
     command = [sys.executable, "-c", code]
     pipe = {"stdout": subprocess.PIPE, "text": True}
     processes = [subprocess.Popen([*command, str(rank), coordinator], **pipe) for rank in range(2)]

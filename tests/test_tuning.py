@@ -2,7 +2,6 @@
 
 import csv
 import functools
-import sys
 import tomllib
 
 import jax
@@ -18,10 +17,11 @@ from tuning.cost import objective as objective_module
 from tuning.cost import problem as problem_module
 from tuning.cost.objective import FAILED, TERMS
 from tuning.cost.risk import risk
-from tuning.reports import tune
+from tuning.reports import tune as report
 from tuning.search import method
 from tuning.search.method import Candidate, Search
 from tuning.studies import comparison, state
+from tuning.studies import tune as study
 from tuning.studies.comparison import Comparison
 
 MASS = {"plant.m_p": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}}
@@ -71,7 +71,7 @@ def rollouts(monkeypatch):
         samples = problem.samples(first, count)
         found = evaluate(None, vectors, samples)
         metrics = {name: np.ones((2, count)) for name in ("contact_loss_fraction", "force_min")}
-        series = {name: np.ones((2, 2, 3)) for name in comparison.sweep_tiles.SERIES}
+        series = {name: np.ones((2, 2, 3)) for name in comparison.measure.SERIES}
         costs = found.costs(problem.validation.coefficients)
         return Comparison(costs, found.terms, metrics, np.where(found.completed, 0, 1), np.arange(3.0), series)
 
@@ -80,7 +80,7 @@ def rollouts(monkeypatch):
     monkeypatch.setattr(
         tiles, "compile_gradients", lambda o, samples: Stand.begun.append((o, samples.structure, samples.rows.shape[1]))
     )
-    monkeypatch.setattr(sys.modules["tuning.studies.tune"], "compare", compare)  # tuning.tune is the function
+    monkeypatch.setattr(study, "compare", compare)  # tuning.tune is the function
     return Stand
 
 
@@ -259,7 +259,7 @@ def test_outputs(rollouts, tmp_path):
     limits = {"requirements": {"force_min": ">= 0"}}
     settings = scenario(iterations=2).with_overrides(limits | {"law.delta_floor": 0.1})
     result = tuning.tune(settings, out=tmp_path / "out")
-    tune.write_report(tmp_path / "out", result)
+    report.write_report(tmp_path / "out", result)
     written = tomllib.loads((tmp_path / "out" / "gains.toml").read_text())
     assert load_scenario("paper", **written).parameters().gains == result.gains
     rows = list(csv.DictReader((tmp_path / "out" / "history.csv").read_text().splitlines()))
