@@ -20,6 +20,7 @@ from typing import NoReturn
 import coopmm_jax
 from coopmm_jax import runtime
 from coopmm_jax.commands import BAD_INPUT, INTERRUPTED, animate, report, scenarios, simulate, sweep
+from coopmm_jax.commands.fields import takes_names
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario import overrides
 from coopmm_jax.scenario.validation import closest
@@ -57,7 +58,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str], own_process: bool) -> int:
-    arguments, changes = overrides.split(argv)
+    arguments, changes = overrides.split(argv, takes_names)
+    for argument in arguments:
+        if argument.endswith("=--"):  # argparse makes an empty list of it
+            raise UserError(argument.removesuffix("=--"), "followed by a value", "followed by --")
     options, unknown = _parser().parse_known_args(arguments)
     if unknown:
         known = re.findall(r"--[\w.-]+", options.parser.format_help())

@@ -151,7 +151,7 @@ def test_base_is_inherited_by_name_and_by_relative_path(tmp_path):
         ({"gains": 3}, "gains: must be a table of fields, was 3"),
         ({"gains.k0.x": 3}, "gains.k0: must be a number, was {'x': 3}"),
         ({"description": 3}, "description: must be a string, was 3"),
-        ({"gains": {"k0": -1, "k1": -1}}, "gains.k0: must be at least 0, was -1 (and 1 more)"),
+        ({"gains": {"k0": -1, "k1": -1}}, "gains.k0: must be at least 0, was -1 (wrong too: gains.k1)"),
     ],
 )
 def test_bad_values_are_told_in_one_line(changes, message):
@@ -171,8 +171,8 @@ def test_rows_must_be_one_of_the_four_sets():
         ("[gains]\nk0 = = 3\n", r"scenario: must be a TOML file, was .*bad\.toml \(.*line 2, column 6"),
         ("base = 3\n", r"base: must be the name or path of a scenario, was 3"),
         ('base = "bad.toml"\n', r"base: must be a scenario that does not inherit from this one, was .*bad\.toml"),
-        ('base = "papr"\n', r"scenario: must be one of free, .* \(did you mean paper\?\), was papr"),
-        ('base = "none.toml"\n', r"scenario: must be a file that can be read, was .*none\.toml \(No such file"),
+        ('base = "papr"\n', r"base: must be one of free, .* \(did you mean paper\?\), was papr"),
+        ('base = "none.toml"\n', r"base: must be a file that can be read, was .*none\.toml \(No such file"),
         ("[gains]\nk_a = 3\n", r"gains\.k_a: must be a field of \[gains\] \(did you mean K_a\?\), was unknown"),
     ],
 )
@@ -190,7 +190,7 @@ def test_file_in_another_encoding(tmp_path):
 
 
 def test_user_error_survives_pickling():
-    error = UserError("gains.k0", "at least 0", -1, more=2)
+    error = UserError("gains.k0", "at least 0", -1, more=("gains.k1", "gains.k2"))
     copy = pickle.loads(pickle.dumps(error))
-    assert str(copy) == str(error) == "gains.k0: must be at least 0, was -1 (and 2 more)"
-    assert (copy.field, copy.must, copy.was, copy.more) == ("gains.k0", "at least 0", -1, 2)
+    assert str(copy) == str(error) == "gains.k0: must be at least 0, was -1 (wrong too: gains.k1, gains.k2)"
+    assert (copy.field, copy.must, copy.was, copy.more) == ("gains.k0", "at least 0", -1, ("gains.k1", "gains.k2"))

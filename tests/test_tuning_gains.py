@@ -59,7 +59,10 @@ def test_spread_is_alike_within_a_gain_and_logarithmic():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"tuning": {"gains": ["K_lamda"]}}, r"tuning\.gains: must be of .* \(did you mean K_lambda\?\), was K_lamda"),
+        (
+            {"tuning": {"gains": ["K_lamda"]}},
+            r"tuning\.gains: must be some of .* \(did you mean K_lambda\?\), was K_lamda",
+        ),
         ({"tuning": {"gains": ["K_I", "K_I"]}}, "tuning.gains: must be different names"),
         ({"tuning": {"weights": {"forces": 1.0}}}, r"weights\.forces: .* \(did you mean force\?\)"),
         ({"tuning": {"bounds": {"K_I": [3.0, 2.0]}}}, r"bounds\.K_I: must be a lower and a higher bound"),

@@ -22,6 +22,17 @@ def fields_help() -> str:
     return "\n".join(lines)
 
 
+def takes_names(key: str) -> bool:
+    """Whether the field of a dotted key takes a list of names.
+
+    >>> takes_names("tuning.gains"), takes_names("law.u26")
+    (True, False)
+    """
+    section, _, field = key.partition(".")
+    fields = getattr(_sections().get(section), "model_fields", {})
+    return field in fields and fields[field].annotation == tuple[str, ...]
+
+
 def _sections() -> dict[str, Any]:
     fields = {name: field.annotation for name, field in Scenario.model_fields.items()}
     return {name: section for name, section in fields.items() if hasattr(section, "model_fields")}

@@ -46,7 +46,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     Raises:
         UserError: not one source of the scenario, or as ``load_scenario``, ``replay``, ``read_gains`` and ``simulate``.
     """
-    if options.gains_file:
+    if options.gains_file is not None:
         changes = merged(read_gains(options.gains_file), changes)
     if options.precision:
         changes = changes | {"simulation.precision": options.precision}

@@ -46,7 +46,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     Raises:
         UserError: an unusable file of --uncertainty, or as ``load_scenario``, ``share`` and ``sweep``.
     """
-    if options.uncertainty:
+    if options.uncertainty is not None:
         changes = merged(_uncertainty_file(options.uncertainty), changes)
     scenario = load_scenario(options.scenario, **changes)
     from coopmm_jax.sweeps.processes import share  # imports JAX, as does the next

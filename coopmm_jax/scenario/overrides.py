@@ -8,12 +8,20 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from coopmm_jax.errors import UserError
+
+KIND = "distribution"  # the key that says what kind of thing a table describes
+BY_ROBOT = frozenset(("1", "2"))  # the keys of a table with an entry for each robot
+_DEEPEST = 20
+# What TOML does not take for a number and everyone else does.
+_NUMBER = re.compile(r"[+-]?(\d+\.|\.\d+|\d+\.\d*)(e[+-]?\d+)?", re.IGNORECASE)
+_NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 def read_toml(path: str | Path, field: str) -> dict[str, Any]:
@@ -23,35 +31,57 @@ def read_toml(path: str | Path, field: str) -> dict[str, Any]:
         UserError: of ``field``, where the file cannot be read or is not TOML.
     """
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))  # some editors begin with a byte order mark
     except OSError as error:
         raise UserError(field, "a file that can be read", f"{path} ({error.strerror})") from None
     except ValueError as error:  # of the TOML parser, which says where, or of the decoding
         raise UserError(field, "a TOML file", f"{path} ({error})") from None
+    except RecursionError:
+        raise UserError(field, "a TOML file", f"{path} (nested too deeply)") from None
 
 
-def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def merged(base: Mapping[str, Any], changes: Mapping[str, Any], depth: int = 0) -> dict[str, Any]:
     """``base`` with ``changes`` laid over it: tables are merged, everything else replaced.
 
-    A key of ``changes`` with dots stands for nested tables. numpy's scalars and arrays become numbers and lists.
+    A table that says what kind of thing it describes replaces the one before, as numbers for one robot each replace
+    those for both. A key of ``changes`` with dots stands for nested tables. numpy's scalars and arrays become numbers
+    and lists.
+
+    Raises:
+        UserError: tables in tables in tables, deeper than any scenario has them.
     """
+    if depth > _DEEPEST:
+        raise UserError(next(iter(changes), "input"), f"at most {_DEEPEST} tables deep", "deeper")
     result = dict(base)
     for dotted, value in changes.items():
-        key, _, rest = dotted.partition(".")
+        key, _, rest = str(dotted).partition(".")
         value = {rest: value} if rest else value
         if isinstance(value, Mapping):
             inner = result.get(key)
-            result[key] = merged(inner if isinstance(inner, Mapping) else {}, value)
+            kept = isinstance(inner, Mapping) and not _replaces(value, inner)
+            result[key] = merged(inner if kept else {}, value, depth + 1)
         else:
             result[key] = value.tolist() if hasattr(value, "tolist") else value
     return result
 
 
-def split(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
+def _replaces(new: Mapping[str, Any], old: Mapping[str, Any]) -> bool:
+    """Whether nothing of an old table may survive in a new one."""
+    return KIND in new or (KIND in old and new.keys() <= BY_ROBOT and bool(new))
+
+
+def split(
+    arguments: Sequence[str], takes_names: Callable[[str], bool] = lambda key: True
+) -> tuple[list[str], dict[str, Any]]:
     """Take the overrides out of a command line.
 
-    An override is ``--section.field`` (a hyphen in it stands for an underscore), then ``=value`` or any number of
-    values up to the next option. Values are read by ``value_of``.
+    An override is ``--section.field`` (a hyphen in it stands for an underscore), then ``=value`` or a value, or several
+    numbers or names up to the next option. Values are read by ``value_of``.
+
+    Args:
+        arguments: of the command line.
+        takes_names: whether the field of a dotted key takes a list of names; of others, what follows a value and is
+            no number is no value.
 
     Returns:
         The other arguments, and the overrides with dotted keys.
@@ -61,16 +91,17 @@ def split(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
     """
     others: list[str] = []
     texts: dict[str, list[str]] = {}
-    current = others
+    key: str | None = None  # of the override whose values are being read
     for argument in arguments:
         option, equals, text = argument.partition("=")
         if option.startswith("--") and "." in option:
-            values = texts[option[2:].replace("-", "_")] = [text] if equals else []
-            current = others if equals else values
-        elif current is not others and not _is_option(argument):
-            current.append(argument)
+            key = option[2:].replace("-", "_")
+            texts[key] = [text] if equals else []
+            key = None if equals else key
+        elif key is not None and not _is_option(argument) and _belongs(argument, texts[key], takes_names(key)):
+            texts[key].append(argument)
         else:
-            current = others
+            key = None
             others.append(argument)
     for key, values in texts.items():
         if not values:
@@ -78,16 +109,21 @@ def split(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
     return others, {key: _one_or_list([value_of(text) for text in values]) for key, values in texts.items()}
 
 
+def _belongs(text: str, before: list[str], names: bool) -> bool:
+    """Whether a text goes on with the values of an override: ``--gains.k0 4 small.toml`` has one."""
+    return not before or not isinstance(value_of(text), str) or (names and _NAME.fullmatch(text) is not None)
+
+
 def value_of(text: str) -> Any:
     """The TOML value that ``text`` spells, or ``text`` itself.
 
-    >>> value_of("1e-3"), value_of("[1, 2]"), value_of("full")
-    (0.001, [1, 2], 'full')
+    >>> value_of("1e-3"), value_of(".5"), value_of("[1, 2]"), value_of("full")
+    (0.001, 0.5, [1, 2], 'full')
     """
     try:
         table = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
-        return text
+    except (ValueError, RecursionError):  # not TOML, a whole number of thousands of digits, or a list in a list in ...
+        return float(text) if _NUMBER.fullmatch(text) else text
     return table["value"] if len(table) == 1 else text
 
 

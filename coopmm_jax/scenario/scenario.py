@@ -7,6 +7,8 @@
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Collection, Mapping
 from importlib import resources
 from pathlib import Path
@@ -180,7 +182,7 @@ def load_scenario(name_or_path: str | Path, **overrides: Any) -> Scenario:
     >>> load_scenario("paper").steps
     20000
     """
-    return validate(Scenario, merged(_read(_find(str(name_or_path), Path())), overrides))
+    return validate(Scenario, merged(_read(_find(str(name_or_path), Path(), "scenario")), overrides))
 
 
 def list_scenarios() -> dict[str, str]:
@@ -197,8 +199,8 @@ def _shipped() -> dict[str, Path]:
     return {path.stem: path for path in folder.glob("*.toml")}
 
 
-def _find(name_or_path: str, folder: Path) -> Path:
-    """The file that a name, or a path relative to ``folder``, stands for."""
+def _find(name_or_path: str, folder: Path, field: str) -> Path:
+    """The file that a name, or a path relative to ``folder``, stands for, as ``field`` of the input gives it."""
     shipped = _shipped()
     if name_or_path in shipped:
         return shipped[name_or_path]
@@ -206,20 +208,23 @@ def _find(name_or_path: str, folder: Path) -> Path:
     if path.suffix == ".toml" or path.is_file():
         return path
     names = ", ".join(sorted(shipped))
-    raise UserError("scenario", f"one of {names} or a .toml file{closest(name_or_path, shipped)}", name_or_path)
+    raise UserError(field, f"one of {names} or a .toml file{closest(name_or_path, shipped)}", name_or_path)
 
 
-def _read(path: Path, heirs: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """The tables of a scenario file, laid over those of its ``base``; ``heirs`` are the files that led here."""
-    if path.resolve() in heirs:
-        raise UserError("base", "a scenario that does not inherit from this one", path)
-    tables = read_toml(path, "scenario")
-    base = tables.pop("base", None)
-    if base is None:
-        return tables
-    if not isinstance(base, str):
-        raise UserError("base", "the name or path of a scenario", base)
-    return merged(_read(_find(base, path.parent), (*heirs, path.resolve())), tables)
+def _read(path: Path) -> dict[str, Any]:
+    """The tables of a scenario file, laid over those of its ``base``, and so on."""
+    field, laid, seen = "scenario", [], set()
+    while path is not None:
+        tables = read_toml(path, field)
+        if os.path.realpath(path) in seen:
+            raise UserError("base", "a scenario that does not inherit from this one", path)
+        seen.add(os.path.realpath(path))
+        base, field = tables.pop("base", None), "base"
+        if not isinstance(base, str | None):
+            raise UserError("base", "the name or path of a scenario", base)
+        path = None if base is None else _find(base, path.parent, "base")
+        laid.append(tables)
+    return functools.reduce(merged, reversed(laid), {})
 
 
 def _spread(value: Any, count: int) -> tuple[Any, ...]:

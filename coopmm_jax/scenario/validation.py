@@ -14,36 +14,45 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from coopmm_jax.errors import UserError
+from coopmm_jax.errors import UserError, one_line
 
 Model = TypeVar("Model", bound=BaseModel)
 
 _MUST = {  # pydantic's type of error -> what the value must be
+    "bool_type": "true or false",
+    "dict_type": "a table of fields",
     "float_type": "a number",
     "int_type": "a whole number",
     "string_type": "a string",
+    "string_unicode": "readable text",
+    "string_too_short": "a string that is not empty",
+    "tuple_type": "a list",
     "finite_number": "finite",
-    "greater_than": "greater than {gt:g}",
-    "greater_than_equal": "at least {ge:g}",
-    "less_than": "less than {lt:g}",
-    "less_than_equal": "at most {le:g}",
+    "greater_than": "greater than {gt}",
+    "greater_than_equal": "at least {ge}",
+    "less_than": "less than {lt}",
+    "less_than_equal": "at most {le}",
     "literal_error": "{expected}",
-    "too_short": "one number or a list of {min_length}",
-    "too_long": "one number or a list of {max_length}",
+    "too_short": "a list of {min_length}",
+    "too_long": "a list of {max_length}",
     "model_type": "a table of fields",
 }
+_TAGS = ("one", "list")  # of the alternatives in schema.Pair and its like
+_LIKENED = 60  # characters of a name that may be a slip of the pen
 
 
 def validate(model: type[Model], data: Mapping[str, Any]) -> Model:
     """An instance of ``model`` from ``data``.
 
     Raises:
-        UserError: the first thing wrong with ``data``, with the number of further ones.
+        UserError: the first thing wrong with ``data``, with the names of the other fields that are wrong.
     """
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise _first_error(model, error) from None
+        first, *others = (_user_error(model, details) for details in error.errors(include_url=False))
+    more = dict.fromkeys(other.field for other in others if other.field != first.field)
+    raise UserError(first.field, first.must, first.was, list(more))
 
 
 def closest(name: str, known: Iterable[str]) -> str:
@@ -52,27 +61,38 @@ def closest(name: str, known: Iterable[str]) -> str:
     >>> closest("gamm", ["gamma", "beta"])
     ' (did you mean gamma?)'
     """
-    matches = difflib.get_close_matches(name, list(known), n=1)
+    matches = difflib.get_close_matches(name, list(known), n=1) if len(name) <= _LIKENED else []
     return f" (did you mean {matches[0]}?)" if matches else ""
 
 
-def _first_error(model: type[BaseModel], error: ValidationError) -> UserError:
-    first, *others = error.errors()
-    path = [part for part in first["loc"] if part not in ("one", "list")]  # the tags of scenario_schema's alternatives
+def _user_error(model: type[BaseModel], details: Mapping[str, Any]) -> UserError:
+    path, tagged = _path(model, details["loc"])
     field = ".".join(str(part) for part in path if isinstance(part, str))
     field += "".join(f"[{part}]" for part in path if isinstance(part, int))
-    kind, was, context = first["type"], first["input"], first.get("ctx", {})
+    kind, was, context = details["type"], details["input"], details.get("ctx", {})
     if isinstance(context.get("error"), UserError):
         own = context["error"]
-        return UserError(".".join(name for name in (field, own.field) if name), own.must, own.was, len(others))
+        return UserError(".".join(name for name in (field, own.field) if name), own.must, own.was)
     if kind == "extra_forbidden":
-        return UserError(field, _known(model, path), "unknown", len(others))
-    must = _MUST[kind].format(**context) if kind in _MUST else f"accepted: {first['msg']}"
+        return UserError(field, _known(model, path), "unknown")
+    numbers = {name: f"{x:.10g}" if isinstance(x, int | float) else x for name, x in context.items()}
+    must = _MUST[kind].format(**numbers) if kind in _MUST else f"accepted: {details['msg']}"
     if "actual_length" in context:
-        shown = f"a list of {context['actual_length']}"
-    else:
-        shown = f'"{was}"' if isinstance(was, str) else was
-    return UserError(field, must, shown, len(others))
+        return UserError(field, f"one number or {must}" if tagged else must, f"a list of {context['actual_length']}")
+    return UserError(field, must, f'"{one_line(was)}"' if isinstance(was, str) else was)
+
+
+def _path(model: type[BaseModel], location: Iterable[str | int]) -> tuple[list[str | int], bool]:
+    """The keys of pydantic's location, and whether a tag that says "one number or a list" stood among them."""
+    path, tagged, fields, leaf = [], False, model.model_fields, False
+    for part in location:
+        if leaf and part in _TAGS:
+            tagged = True
+            continue
+        path.append(part)
+        kind = fields[part].annotation if part in fields else None
+        leaf, fields = kind is not None and not hasattr(kind, "model_fields"), getattr(kind, "model_fields", {})
+    return path, tagged
 
 
 def _known(model: type[BaseModel], path: list[str | int]) -> str:

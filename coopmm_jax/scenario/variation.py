@@ -153,8 +153,9 @@ def vary(scenario: Scenario) -> Variation:
             raise UserError(f"uncertainty.{number.name}", "given once", "given twice")
         seen.add(number.name)
     variation = Variation(scenario, numbers)
-    for end in (LOWEST, HIGHEST):
-        _check_end(variation, end)
+    with np.errstate(all="ignore"):  # what overflows is refused as not finite
+        for end in (LOWEST, HIGHEST):
+            _check_end(variation, end)
     return variation
 
 

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import time
 from collections.abc import Iterator
@@ -76,9 +77,8 @@ def sweep(
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     if seed is not None:
         scenario = scenario.with_overrides({"simulation.seed": seed})
-    for name, value, least in (("samples", samples, 1), ("keep", keep, 0), ("tile", tile, 1)):
-        if value is not None and not least <= value <= LIMIT:
-            raise UserError(name, f"from {least} to {LIMIT}", value)
+    samples = None if samples is None else _count("samples", samples, 1)
+    keep, tile = _count("keep", keep, 0), _count("tile", tile, 1)
     variation = vary(scenario)
     if not variation.numbers:
         raise UserError("uncertainty", "a section that names what varies", "empty")
@@ -87,6 +87,17 @@ def sweep(
     store = _store(contents, None if out is None else Path(out).expanduser(), samples, resume, share)
     _fill(store, variation, points, contents, share)
     return store.dataset()
+
+
+def _count(name: str, value: Any, least: int) -> int:
+    """A number of samples as Python's own, which a store can keep, whatever kind of whole number it is."""
+    try:
+        count = operator.index(value)
+    except TypeError:
+        raise UserError(name, "a whole number", value) from None
+    if not least <= count <= LIMIT:
+        raise UserError(name, f"from {least} to {LIMIT}", count)
+    return count
 
 
 def _contents(variation: Variation, sampling: str, keep: int, tile: int) -> Contents:

@@ -51,7 +51,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     """
     if options.seed is not None:
         changes = changes | {"simulation.seed": options.seed}
-    if options.gains_file:
+    if options.gains_file is not None:
         changes = merged(read_gains(options.gains_file), changes)
     if options.compare_random is not None and options.compare_random < 0:
         raise UserError("--compare-random", "at least 1", options.compare_random)

@@ -51,7 +51,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         changes = changes | {"simulation.seed": options.seed}
     if options.adversarial:
         changes = {"tuning.adversaries": ADVERSARIES} | changes
-    if options.gains_file:
+    if options.gains_file is not None:
         changes = merged(read_gains(options.gains_file), changes)
     scenario = load_scenario(options.scenario, **changes)
     if options.pareto is not None:

@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from typing import Annotated, Literal
 
@@ -14,7 +13,7 @@ from pydantic import Field, Strict, model_validator
 
 from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
-from coopmm_jax.scenario.sections.schema import Finite, NotNegative, Positive, Section, Simulation, quantity
+from coopmm_jax.scenario.sections.schema import Finite, NotNegative, Positive, Section, Simulation, is_whole, quantity
 
 _hardware = parameters.Hardware()
 Samples = Annotated[int, Strict(), Field(ge=0)]
@@ -35,12 +34,11 @@ class Loop(Section):
         if self.control_period == 0.0:
             return 0
         ratio = self.control_period / simulation.step
-        if round(ratio) < 1 or not math.isclose(ratio, round(ratio), rel_tol=1e-9):
+        if not is_whole(ratio):
             must = f"0, or a whole number of simulation.step ({simulation.step:g} s)"
             raise UserError("loop.control_period", must, self.control_period)
         sample = self.control_period * simulation.record_every
-        periods = simulation.duration / sample
-        if round(periods) < 1 or not math.isclose(periods, round(periods), rel_tol=1e-9):
+        if not is_whole(simulation.duration / sample):
             must = f"a whole number of loop.control_period * record_every ({sample:g} s)"
             raise UserError("simulation.duration", must, simulation.duration)
         return round(ratio)

@@ -47,7 +47,7 @@ class Requirement(NamedTuple):
 
 
 class Requirements(Section, extra="allow"):
-    """[requirements]: metric = "<= limit" (or >=, ==, <, >), which every sample of a sweep has to meet."""
+    """[requirements]: metric = "<= limit" (or >=, ==, <, >), which every sample has to meet; "none" drops a base's."""
 
     __pydantic_extra__: dict[str, str]
 
@@ -56,9 +56,10 @@ class Requirements(Section, extra="allow"):
     def _table(cls, data: Any) -> Any:
         if not isinstance(data, Mapping):
             raise UserError("", 'a table of metric = "<= limit"', data)
-        for metric, text in data.items():
+        kept = {metric: text for metric, text in data.items() if text != "none"}
+        for metric, text in kept.items():
             parse(metric, text)
-        return dict(data)
+        return kept
 
     def parsed(self) -> tuple[Requirement, ...]:
         """The lines in the order of the file."""

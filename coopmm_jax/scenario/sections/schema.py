@@ -10,6 +10,7 @@ one number for both robots, or a list [robot I, robot II].
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, Discriminator, Field, Strict, Tag, field_validator, model_validator
@@ -22,7 +23,11 @@ Finite = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 NotNegative = Annotated[Finite, Field(ge=0)]
 Positive = Annotated[Finite, Field(gt=0)]
 AboveMinusOne = Annotated[Finite, Field(gt=-1)]
-Count = Annotated[int, Strict(), Field(ge=1)]
+Count = Annotated[int, Strict(), Field(ge=1, lt=2**31)]
+Flag = Annotated[bool, Strict()]
+
+
+MOST_STEPS = 2**31  # what counts them has 32 bits
 
 
 def _one_or_list(value: Any) -> str:
@@ -44,6 +49,11 @@ _gains, _disturbance, _reference = parameters.Gains(), parameters.Disturbance(),
 _plant, _structure, _start = parameters.Plant(), parameters.Structure(), parameters.Pose(*zip(*parameters.PAPER_START))
 
 
+def is_whole(ratio: float) -> bool:
+    """Whether a ratio of two times [-] is a whole number, 1 at least, but for rounding errors."""
+    return math.isfinite(ratio) and round(ratio) >= 1 and math.isclose(ratio, round(ratio), rel_tol=1e-9)
+
+
 def quantity(default: Any, meaning: str) -> Any:
     """A field with its default, and its meaning and unit for the help text."""
     return Field(default, description=meaning)
@@ -51,6 +61,15 @@ def quantity(default: Any, meaning: str) -> Any:
 
 class Section(BaseModel, extra="forbid", frozen=True):
     """What every section has in common: unknown keys are errors, values cannot be changed in place."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _left_out(cls, data: Any) -> Any:
+        """Let "none" drop what a base scenario gives for a field that can be left out."""
+        if not isinstance(data, Mapping):
+            return data
+        optional = {name for name, field in cls.model_fields.items() if field.default is None}
+        return {name: value for name, value in data.items() if not (name in optional and value == "none")}
 
 
 class Simulation(Section):
@@ -65,9 +84,10 @@ class Simulation(Section):
 
     @model_validator(mode="after")
     def _whole_samples(self) -> Simulation:
+        if not self.duration / self.step < MOST_STEPS:
+            raise UserError("duration", f"less than {MOST_STEPS} steps of {self.step:g} s", self.duration)
         sample = self.step * self.record_every
-        samples = self.duration / sample
-        if round(samples) < 1 or not math.isclose(samples, round(samples), rel_tol=1e-9):
+        if not is_whole(self.duration / sample):
             raise UserError("duration", f"a whole number of step * record_every ({sample:g} s)", self.duration)
         return self
 

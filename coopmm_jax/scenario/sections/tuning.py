@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict, field_validator, model_validator
 
-from coopmm_jax.errors import UserError
+from coopmm_jax.errors import UserError, shown
 from coopmm_jax.scenario.sections.schema import AboveMinusOne, Count, NotNegative, Positive, Section, quantity
 from coopmm_jax.scenario.validation import closest
 
@@ -96,11 +96,13 @@ class Tuning(Section):
     @field_validator("gains", mode="before")
     @classmethod
     def _known_gains(cls, names: Any) -> Any:
+        known = ", ".join(Bounds.model_fields)
         names = [names] if isinstance(names, str) else names
+        if not isinstance(names, list | tuple):
+            raise UserError("", f"some of {known}", names)
         for name in names:
-            if name not in Bounds.model_fields:
-                known = ", ".join(Bounds.model_fields)
-                raise UserError("", f"of {known}{closest(str(name), Bounds.model_fields)}", name)
+            if not isinstance(name, str) or name not in Bounds.model_fields:
+                raise UserError("", f"some of {known}{closest(shown(name), Bounds.model_fields)}", name)
         if len(set(names)) < len(names) or not names:
             raise UserError("", "different names, at least one", list(names))
         return names

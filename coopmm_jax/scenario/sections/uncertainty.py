@@ -3,6 +3,7 @@
     [uncertainty]
     plant.m_p = { distribution = "uniform", low = 0.8, high = 1.2, relative = true }
     disturbance.phase = { distribution = "uniform", low = 0.0, high = 6.283185307179586 }
+    plant.m_obj = { distribution = "none" }  # whatever the base scenario says of it
 
 >>> Uncertainty.model_validate({"plant": {"m_p": {"distribution": "normal", "mean": 5, "std": 0.1}}}).entries()[0].field
 'm_p'
@@ -16,8 +17,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.scenario.overrides import merged
-from coopmm_jax.scenario.sections.schema import Finite, Positive, Section
+from coopmm_jax.scenario.overrides import BY_ROBOT, KIND, merged
+from coopmm_jax.scenario.sections.schema import Finite, Flag, Positive, Section
 from coopmm_jax.scenario.validation import closest, validate
 
 _SHAPES = {  # distribution -> the numbers that describe it
@@ -36,9 +37,9 @@ class Distribution(Section):
     high: Finite | None = None
     mean: Finite | None = None
     std: Positive | None = None
-    relative: bool = False  # the draw is a factor on the scenario's value
-    offset: bool = False  # the draw is added to the scenario's value
-    each: bool = False  # one draw for each number that the name stands for, not one for all
+    relative: Flag = False  # the draw is a factor on the scenario's value
+    offset: Flag = False  # the draw is added to the scenario's value
+    each: Flag = False  # one draw for each number that the name stands for, not one for all
     group: Annotated[str, Field(min_length=1)] | None = None  # entries of one group share one draw
 
     @model_validator(mode="after")
@@ -84,7 +85,8 @@ class Uncertainty(Section, extra="allow"):
     def _tables(cls, data: Any) -> Any:
         if not isinstance(data, Mapping):
             raise UserError("", "a table of section.field = {...}", data)
-        return {section: _fields(section, fields) for section, fields in merged({}, data).items()}
+        tables = {section: _fields(section, fields) for section, fields in merged({}, data).items()}
+        return {section: fields for section, fields in tables.items() if fields}
 
     def entries(self) -> tuple[Entry, ...]:
         """The lines in the order of the file."""
@@ -104,12 +106,17 @@ def _fields(section: str, fields: Any) -> dict[str, Any]:
     result = {}
     for field, given in fields.items():
         name = f"{section}.{field}"
-        by_robot = isinstance(given, Mapping) and given and all(key in ("1", "2") for key in given)
-        if by_robot:
-            result[field] = {robot: _distribution(f"{name}.{robot}", table) for robot, table in given.items()}
-        else:
+        if isinstance(given, Mapping) and given and given.keys() <= BY_ROBOT:
+            kept = {robot: table for robot, table in given.items() if not _dropped(table)}
+            result[field] = {robot: _distribution(f"{name}.{robot}", table) for robot, table in kept.items()}
+        elif not _dropped(given):
             result[field] = _distribution(name, given)
-    return result
+    return {field: given for field, given in result.items() if given}
+
+
+def _dropped(table: Any) -> bool:
+    """Whether an entry says that the number does not vary, whatever a base scenario has for it."""
+    return isinstance(table, Mapping) and table.get(KIND) == "none"
 
 
 def _distribution(name: str, table: Any) -> Distribution:
@@ -121,8 +128,8 @@ def _distribution(name: str, table: Any) -> Distribution:
         if key not in Distribution.model_fields:
             must = f"one of {', '.join(Distribution.model_fields)}{closest(key, Distribution.model_fields)}"
             raise UserError(f"{name}.{key}", must, "unknown")
-    if "distribution" not in table:
-        raise UserError(f"{name}.distribution", f"one of {', '.join(_SHAPES)}", "missing")
+    if KIND not in table:
+        raise UserError(f"{name}.{KIND}", f"one of {', '.join(_SHAPES)}", "missing")
     try:
         return validate(Distribution, table)
     except UserError as error:
