@@ -1,4 +1,4 @@
-"""The command ``coopmm``: its options, errors and exit codes; what it does is in ``commands``.
+"""Command ``coopmm``: its options, errors and exit codes; the work is done in ``commands``.
 
 Exit codes: 0 done, 2 the input cannot be used (one line on stderr), 3 a rollout failed (status, time, quantity).
 
@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command.
 
     Args:
-        argv: the arguments; without them those of the process, which is then taken to run nothing else, so that XLA's
+        argv: the arguments; by default those of the process, which is then taken to run nothing else, so that XLA's
             options for fast compilation and the compilation cache are switched on.
 
     Returns:
@@ -75,7 +75,7 @@ def _run(argv: Sequence[str], own_process: bool) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="coopmm", description=coopmm_jax.__doc__.splitlines()[0], allow_abbrev=False)
+    parser = _Parser(prog="coopmm", description=(coopmm_jax.__doc__ or "").partition("\n")[0], allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"coopmm {coopmm_jax.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     parser.set_defaults(sweeps=False)
@@ -85,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _modules() -> Iterator[ModuleType]:
-    """The modules of all subcommands: this package's, and those that installed packages declare as entry points.
+    """Modules of all subcommands: this package's, and those that installed packages declare as entry points.
 
     Raises:
         UserError: a module that cannot be imported.

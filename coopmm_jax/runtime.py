@@ -1,4 +1,4 @@
-"""How this process lets XLA compile: options, compilation cache.
+"""Options with which XLA compiles in this process, and the compilation cache.
 
 XLA reads its options once, when JAX's backend starts (at the first computation), so everything here has to be called
 before that. Nothing here imports JAX unless the caller needs it anyway.
@@ -31,7 +31,7 @@ _COLLECTIONS = (50_000, 10, 10)
 
 
 def backend_is_up() -> bool:
-    """Whether JAX has started a backend, after which XLA's options can no longer change."""
+    """True once JAX has started a backend, after which XLA's options can no longer change."""
     bridge = sys.modules.get("jax._src.xla_bridge")
     return bridge is not None and bridge.backends_are_initialized()
 
@@ -43,7 +43,7 @@ def use_small_while_loops() -> bool:
     environment variable COOPMM_NO_XLA_OPTIONS is 1.
 
     Returns:
-        Whether XLA will see (or has seen) the option.
+        True if XLA will see, or has seen, the option.
     """
     return _add_options(_WHILE_LOOPS)
 
@@ -57,11 +57,12 @@ def use_fast_compilation(batches: bool = False) -> bool:
     only if a restarted kernel would cost you nothing. Also calls ``collect_rarely``.
 
     Args:
-        batches: have LLVM vectorise every loop over the lanes of a batch: two fifths faster, but a batch takes a tenth
-            longer to compile and its gradient, no more than a sixth faster, seven tenths longer. Pays for sweeps.
+        batches: have LLVM vectorise every loop over the elements of a batch, which pays for sweeps: a batch runs two
+            fifths faster and takes a tenth longer to compile; its gradient runs at most a sixth faster and takes
+            seven tenths longer.
 
     Returns:
-        Whether XLA will see the options: not if COOPMM_NO_XLA_OPTIONS is 1 or XLA_FLAGS names a file.
+        True if XLA will see the options: not if COOPMM_NO_XLA_OPTIONS is 1 or XLA_FLAGS names a file.
 
     Raises:
         RuntimeError: a JAX backend is up, so it is too late.
@@ -84,7 +85,7 @@ def collect_rarely() -> bool:
     Tracing a gradient makes millions of objects that all stay, and looking through them took a quarter of its time.
 
     Returns:
-        Whether anything changed: not if collections are rarer still, or off.
+        True if anything changed: not if collections are rarer still, or off.
     """
     often = gc.isenabled() and 0 < gc.get_threshold()[0] < _COLLECTIONS[0]
     if often:
@@ -99,12 +100,12 @@ def use_compilation_cache() -> Path:
     ~/.cache. Everything that takes over 0.02 s to compile is kept: the many small programs add up too.
 
     Returns:
-        The cache folder.
+        Cache folder.
     """
     import jax
 
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    default = jax.config.jax_compilation_cache_dir or Path(home) / "coopmm_jax"
+    default = jax.config.values["jax_compilation_cache_dir"] or Path(home) / "coopmm_jax"
     folder = Path(os.environ.get("COOPMM_CACHE_DIR") or default)
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.02)
@@ -126,7 +127,7 @@ def _add_options(*options: str) -> bool:
 
 
 def _missing(options: tuple[str, ...]) -> list[str]:
-    """The options whose name, "name" of ``--[...=]name=value``, does not appear in XLA_FLAGS."""
+    """Options whose name, "name" of ``--[...=]name=value``, does not appear in XLA_FLAGS."""
     flags = os.environ.get("XLA_FLAGS", "")
     return [option for option in options if option.split("=")[-2].lstrip("-") not in flags]
 

@@ -2,7 +2,8 @@
 
 import coopmm_jax as cm
 
-cm.animate(cm.simulate("paper"), cm.simulate("paper_full"), path="both.gif")
+paper, full = (cm.simulate(cm.load_scenario(name)) for name in ("paper", "paper_full"))
+cm.animate(paper, full, path="both.gif")
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from coopmm_jax.runs.store import result_folder
 if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
 
-NARROWEST, WIDEST = 400, 1920  # [pixel]; less is not legible, more takes gigabytes while a GIF is put together
+NARROWEST, WIDEST = 400, 1920  # [pixel]; less is illegible, more takes gigabytes while a GIF is put together
 COLUMN = 240  # [pixel] that each of several runs needs
 FASTEST = 50.0  # frames per second; browsers slow down GIFs that ask for more
 
@@ -32,7 +33,7 @@ FASTEST = 50.0  # frames per second; browsers slow down GIFs that ask for more
 class Animation:
     """The frames of an animation, drawn one at a time: ``len(animation)`` of them, ``animation.picture(k)`` each.
 
-    What does not move is drawn once; a frame is a copy of it with only the moving artists drawn on top.
+    The background is drawn once; a frame is a copy of it with the moving artists drawn on top.
     """
 
     def __init__(
@@ -45,8 +46,11 @@ class Animation:
     ):
         """
         Args:
-            trajectories: one, or several to compare. labels: one for each; by default what their scenarios differ in.
-            fps: frames per second. speed: simulated seconds per second. width: of the picture [pixel], even.
+            trajectories: one, or several to compare.
+            labels: one for each trajectory; by default, the settings in which their scenarios differ.
+            fps: frames per second.
+            speed: simulated seconds per second.
+            width: of the picture [pixel], even.
 
         Raises:
             UserError: nothing to draw, or a number that cannot be used.
@@ -92,10 +96,12 @@ def animate(
     """Write an animation; the file is there only when it is complete.
 
     Args:
-        trajectories: one, or several to show side by side. labels: one for each; by default what their scenarios
-            differ in. path: the file; its suffix says as what: .gif, .html (one page that needs nothing else), .mp4
-            (needs the program ffmpeg). fps: frames per second. speed: simulated seconds per second. width: of the
-            picture [pixel], even.
+        trajectories: one, or several to show side by side.
+        path: the file; its suffix decides the format: .gif, .html (one self-contained page), .mp4 (needs ffmpeg).
+        labels: one for each trajectory; by default, the settings in which their scenarios differ.
+        fps: frames per second.
+        speed: simulated seconds per second.
+        width: of the picture [pixel], even.
 
     Raises:
         UserError: nothing to draw, a number that cannot be used, another suffix, no ffmpeg, or a file that cannot be
@@ -115,7 +121,7 @@ def animate(
 
 
 def writer(path: Path) -> writers.Writer:
-    """What writes a file of this name, found out before any work is done.
+    """Function that writes a file of this name, looked up before any work is done.
 
     Raises:
         UserError: another suffix than .gif, .html and .mp4, a folder, or .mp4 without ffmpeg.
@@ -130,13 +136,16 @@ def writer(path: Path) -> writers.Writer:
 
 
 def check_look(fps: float, speed: float, width: int, count: int = 1) -> None:
-    """Whether an animation can look like this.
+    """Check the numbers that an animation is to be drawn with.
 
     Args:
-        fps, speed: as of ``animate``. width: of the picture [pixel]. count: how many runs it shows.
+        fps: frames per second.
+        speed: simulated seconds per second.
+        width: of the picture [pixel].
+        count: number of runs that it shows.
 
     Raises:
-        UserError: it cannot.
+        UserError: a number that cannot be used.
     """
     narrowest = max(NARROWEST, COLUMN * count)
     if not narrowest <= width <= WIDEST or width % 2:

@@ -1,4 +1,4 @@
-"""What the views of an animation are made of: colours, artists that move, the contact force as an arrow."""
+"""Parts of an animation's views: colours, moving artists, the contact force as an arrow."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PULLS = {"facecolor": "#FFE3D3", "edgecolor": style.pen(4)["color"], "hatch": "/
 _AREAS = to_rgba_array(("white", *FACES, *TRAIL, WHEEL["facecolor"], WHEEL["edgecolor"], PULLS["facecolor"]))
 _INKS = to_rgba_array(("black", *EDGES, PULLS["edgecolor"]))
 _EDGES_OF_INK = [1.0 - part * (1.0 - _INKS) for part in (0.7, 0.35)]  # at a line's edge ink covers part of a pixel
-# What a picture with few colours has to keep: red, green and blue (n, 3), uint8.
+# Red, green and blue (n, 3), uint8, of the colours that a picture with few colours has to keep.
 COLOURS = (255.0 * np.concatenate([_AREAS, _INKS, *_EDGES_OF_INK])[:, :3]).round().astype(np.uint8)
 
 ARROW = 0.5  # [m] for the desired contact force
@@ -35,49 +35,51 @@ _SHAFT = 0.05  # half width [m]
 
 
 class Cast:
-    """The artists of one view that move, in the order in which they are drawn."""
+    """Moving artists of one view, in the order in which they are drawn."""
 
     def __init__(self, axes: Axes):
         self.axes = axes
         self.artists: list[Artist] = []
 
     def polygon(self, **look: Any) -> Polygon:
-        """A polygon without a shape yet."""
+        """Add a polygon, still without a shape."""
         polygon = Polygon(np.zeros((3, 2)), closed=True, animated=True, joinstyle="round", **look)
         self.artists.append(self.axes.add_patch(polygon))
         return polygon
 
     def line(self, **look: Any) -> Line2D:
-        """A line without points yet."""
-        round_ends = {"solid_capstyle": "round", "solid_joinstyle": "round"}
+        """Add a line, still without points."""
+        round_ends: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round"}
         line = Line2D([], [], animated=True, **round_ends | look)
         self.artists.append(self.axes.add_line(line))
         return line
 
     def text(self, text: str, **look: Any) -> Text:
-        """A name in the middle of its place, without a place yet."""
+        """Add a centred name, still without a place."""
         name = {"ha": "center", "va": "center", "fontsize": 7, "fontweight": "bold", "clip_on": True}
-        self.artists.append(self.axes.text(0.0, 0.0, text, animated=True, **name | look))
-        return self.artists[-1]
+        artist = self.axes.text(0.0, 0.0, text, animated=True, **name | look)
+        self.artists.append(artist)
+        return artist
 
     def platform(self, robot: int) -> tuple[Polygon, Polygon, Polygon]:
-        """Right wheel, left wheel and body."""
+        """Add right wheel, left wheel and body of a platform."""
         body = {"facecolor": FACES[robot], "edgecolor": EDGES[robot], "linewidth": 0.9}
         return self.polygon(**WHEEL), self.polygon(**WHEEL), self.polygon(**body)
 
     def arm(self, robot: int) -> Line2D:
-        """The links of an arm, with their joints."""
+        """Add the links of an arm, with their joints."""
         look = {"color": EDGES[robot], "markerfacecolor": "white", "markeredgewidth": 1.0}
         return self.line(linewidth=3.2, marker="o", markersize=4.0, **look)
 
 
 class ForceArrow:
-    """The contact force on the object: black where it presses, hatched in another colour where it pulls."""
+    """Contact force on the object as an arrow: black where it presses, hatched in another colour where it pulls."""
 
     def __init__(self, cast: Cast, desired: float):
         """
         Args:
-            cast: of the view to draw in. desired: the contact force drawn at the usual length [N].
+            cast: of the view to draw in.
+            desired: contact force drawn at the usual length [N].
         """
         self._polygon = cast.polygon(linewidth=0.8)
         self._scale = ARROW / abs(desired or FALLBACK_FORCE)
@@ -86,7 +88,8 @@ class ForceArrow:
         """Put the arrow's tail on the contact point.
 
         Args:
-            contact: place in the view (2,) [m]. direction: of a pressing force in the view (2,), of length 1 at most.
+            contact: place in the view (2,) [m].
+            direction: of a pressing force in the view (2,), of length 1 at most.
             force: lambda_n [N].
         """
         self._polygon.set(**(PULLS if force < 0.0 else PRESSES))
@@ -95,7 +98,7 @@ class ForceArrow:
 
 
 def arrow(tail: np.ndarray, direction: np.ndarray, length: float) -> np.ndarray:
-    """Outline (7, 2) of an arrow; one too short for its head is drawn smaller as a whole.
+    """Outline (7, 2) [m] of an arrow; one too short for its head is scaled down as a whole.
 
     >>> arrow(np.zeros(2), np.array([1.0, 0.0]), 1.0)[3].tolist()
     [1.0, 0.0]

@@ -1,4 +1,4 @@
-"""Where everything visible is at chosen instants of a run, in world coordinates [m], and outlines of the platforms."""
+"""Places of everything visible at chosen instants of a run, in world coordinates [m]; outlines of the platforms."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Skeleton(NamedTuple):
     q: np.ndarray  # (F, 2, 6), as in Trajectory
     forward: np.ndarray  # (F, 2, 2) unit vector of each platform's heading
     joints: np.ndarray  # (F, 2, 4, 3): foot and top of the column, elbow, tip
-    desired: np.ndarray  # (F, 2, 2): where the axle midpoints should be
+    desired: np.ndarray  # (F, 2, 2): desired axle midpoints
     along: np.ndarray  # (F, 2) unit vector e of arm II
     centre: np.ndarray  # (F, 2) of the object's arc
     radius: np.ndarray  # (F,) of the arc
@@ -33,10 +33,11 @@ class Skeleton(NamedTuple):
 
 
 def skeleton(trajectory: Trajectory, instants: np.ndarray) -> Skeleton:
-    """The run at some of its samples.
+    """Skeleton of a run at some of its samples.
 
     Args:
-        trajectory: the run. instants: indices of samples (F,).
+        trajectory: the run.
+        instants: indices of samples (F,).
     """
     plant = trajectory.scenario.parameters().plant
     q, point = trajectory.q[instants], trajectory.contact_point[instants]
@@ -77,7 +78,7 @@ def _joints(geometry: Geometry, q: np.ndarray) -> np.ndarray:
 
 
 def body_outline(geometry: Geometry) -> np.ndarray:
-    """Platform seen from above (k, 2) along its lateral and forward axes, from the axle midpoint; pointed ahead."""
+    """Platform seen from above (k, 2) [m] along its lateral and forward axes, from the axle midpoint; pointed ahead."""
     half, rear = BODY_HALF_WIDTH * geometry.l, -REAR * geometry.r
     nose = max(geometry.d, 0.0) + NOSE * geometry.r
     shoulder = nose - 0.7 * half
@@ -86,7 +87,7 @@ def body_outline(geometry: Geometry) -> np.ndarray:
 
 
 def wheel_outlines(geometry: Geometry) -> np.ndarray:
-    """Right and left wheel seen from above (2, 4, 2), like ``body_outline``."""
+    """Right and left wheel seen from above (2, 4, 2) [m], like ``body_outline``."""
     thick, r = WHEEL_HALF_THICKNESS * geometry.r, geometry.r
     wheel = np.array([(-thick, -r), (thick, -r), (thick, r), (-thick, r)])
     aside = np.array([geometry.l, 0.0])

@@ -1,4 +1,4 @@
-"""The figure of an animation: where the views of each run stand, and the words above them."""
+"""Figure of an animation: the places of each run's views, and the words above them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WORLD_SHARE = 0.54  # of the width of a single run's views
 
 
 class View(Protocol):
-    """Something that moves from frame to frame."""
+    """A part of the figure that moves from frame to frame."""
 
     cast: Cast
 
@@ -39,7 +39,9 @@ class Readout:
     def __init__(self, axes: Axes, words: Sequence[str], colours: Sequence[str]):
         """
         Args:
-            words, colours: one for each frame.
+            axes: of the view.
+            words: one text for each frame.
+            colours: of the text, one for each frame.
         """
         self._words, self._colours = words, colours
         self.cast = Cast(axes)
@@ -48,7 +50,7 @@ class Readout:
         self._text.set_position((0.0, 1.02))
 
     def show(self, k: int) -> None:
-        """Say what is to be said at frame k."""
+        """Show the words of frame k."""
         self._text.set(text=self._words[k], color=self._colours[k])
 
 
@@ -73,8 +75,9 @@ def row_layout(width: int, above: int, side_ratio: float) -> Layout:
     """One run: the view from above on the left; on the right the one from the side above the force.
 
     Args:
-        width: of the figure [pixel]. above: room for the words over the views [pixel]. side_ratio: height over width of
-            the view from the side.
+        width: of the figure [pixel].
+        above: room for the words over the views [pixel].
+        side_ratio: height over width of the view from the side.
     """
     room = width - 2 * (LEFT + EDGE)
     world = round(WORLD_SHARE * room)
@@ -93,7 +96,10 @@ def column_layout(runs: int, width: int, above: int, side_ratio: float) -> Layou
     """Several runs side by side, the views of each below one another.
 
     Args:
-        runs: how many. width, above, side_ratio: as for ``row_layout`` [pixel, pixel, -].
+        runs: number of runs.
+        width: of the figure [pixel].
+        above: room for the words over the views [pixel].
+        side_ratio: height over width of the view from the side.
     """
     column = width // runs
     view = column - LEFT - EDGE
@@ -109,10 +115,12 @@ def column_layout(runs: int, width: int, above: int, side_ratio: float) -> Layou
 
 @style.styled
 def stage(group: Sequence[Run], times: np.ndarray, width: int) -> tuple[Figure, list[View]]:
-    """The figure and its views, each with ``show(k)`` and the ``cast`` that it moves.
+    """Figure and its views, each with ``show(k)`` and the ``cast`` that it moves.
 
     Args:
-        group: runs with their labels. times: of the frames (F,) [s]. width: of the figure [pixel].
+        group: runs with their labels.
+        times: of the frames (F,) [s].
+        width: of the figure [pixel].
     """
     skeletons = [skeleton(run.trajectory, instants(run.trajectory.t, times)) for run in group]
     extents = [extent(run.trajectory, s) for run, s in zip(group, skeletons, strict=True)]
@@ -120,7 +128,8 @@ def stage(group: Sequence[Run], times: np.ndarray, width: int) -> tuple[Figure, 
     ratio = (top + GROUND) / (2.0 * half_width)
     above = ABOVE + (LINE if any(run.label for run in group) else 0)
     layout = row_layout(width, above, ratio) if len(group) == 1 else column_layout(len(group), width, above, ratio)
-    figure = Figure(figsize=(layout.width / DPI, layout.height / DPI), dpi=DPI, layout="none")
+    figure = Figure(figsize=(layout.width / DPI, layout.height / DPI), dpi=DPI)
+    figure.set_layout_engine("none")  # every view has its place
     limits = _force_limits(group)
     views: list[View] = []
     for run, s, boxes in zip(group, skeletons, layout.boxes, strict=True):
@@ -149,7 +158,7 @@ def instants(t: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def shortened(name: str, letters: int) -> str:
-    """A name, cut where there is no room for it.
+    """Name cut to a number of letters.
 
     >>> shortened("gains.K_lambda 0.3", 12)
     'gains.K_lam…'
@@ -194,5 +203,5 @@ def _force_limits(group: Sequence[Run]) -> tuple[float, float]:
 
 
 def _even(pixels: int) -> int:
-    """Films have even sizes."""
+    """Next even number: films have even sizes."""
     return pixels + pixels % 2

@@ -1,6 +1,6 @@
-"""The views of an animation: robots from above, arms from the side, contact force over time.
+"""Views of an animation: robots from above, arms from the side, contact force over time.
 
-Each view draws once what stands still and keeps an artist for everything that moves, so that ``show`` only moves
+Each view draws once whatever stands still and keeps an artist for everything that moves, so that ``show`` only moves
 artists and a frame costs no layout.
 """
 
@@ -28,12 +28,15 @@ _ROBOTS = (0, 1)
 
 
 class TopView:
-    """Both robots from above, with the circles they should drive on, and crosses where they should be."""
+    """Both robots from above, the circles of their references, and crosses at their desired positions."""
 
     def __init__(self, axes: Axes, run: Trajectory, s: Skeleton, reach: float):
         """
         Args:
-            reach: to be seen, from the world's origin to all sides [m].
+            axes: to draw on.
+            run: the run.
+            s: its skeleton at the frames.
+            reach: visible distance from the world's origin to all sides [m].
         """
         self._s, self._arc = s, _arc(run)
         plant = run.scenario.parameters().plant
@@ -72,12 +75,16 @@ class TopView:
 
 
 class SideView:
-    """Heights along arm II, seen across it; the object stays in the middle, robot I is on its left."""
+    """Both robots from the side, seen across arm II; the object stays in the middle, robot I on its left."""
 
     def __init__(self, axes: Axes, run: Trajectory, s: Skeleton, half_width: float, top: float):
         """
         Args:
-            half_width, top: to be seen, to both sides of the object and above the ground [m].
+            axes: to draw on.
+            run: the run.
+            s: its skeleton at the frames.
+            half_width: visible distance to both sides of the object [m].
+            top: visible height above the ground [m].
         """
         self._s, self._arc = s, _arc(run)
         axes.set(xlim=(-half_width, half_width), ylim=(-GROUND, top), aspect="equal")
@@ -115,11 +122,14 @@ class SideView:
 
 
 class ForceStrip:
-    """The contact force over time: pale where it should be, hatched where it pulls, with a mark at the frame's time."""
+    """Contact force over time: its desired value pale, hatched where it pulls, with a mark at the frame's time."""
 
     def __init__(self, axes: Axes, run: Trajectory, s: Skeleton, limits: tuple[float, float]):
         """
         Args:
+            axes: to draw on.
+            run: the run.
+            s: its skeleton at the frames.
             limits: of the vertical axis [N].
         """
         self._s, self._limits = s, limits
@@ -141,7 +151,7 @@ class ForceStrip:
 
 
 def extent(run: Trajectory, s: Skeleton) -> tuple[float, float, float]:
-    """What the views of a run have to show [m]: ``reach`` of the one, ``half_width`` and ``top`` of the other."""
+    """Visible distances of a run's views [m]: ``reach`` of the one, ``half_width`` and ``top`` of the other."""
     parameters = run.scenario.parameters()
     geometry = parameters.plant.geometry
     half_track, wheel = max(g.l for g in geometry), max(g.r for g in geometry)

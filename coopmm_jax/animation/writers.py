@@ -1,4 +1,4 @@
-"""Frames into files: GIF and HTML by Pillow alone, MP4 by the program ffmpeg."""
+"""Writers of frames into files: GIF and HTML by Pillow alone, MP4 by the program ffmpeg."""
 
 from __future__ import annotations
 
@@ -34,13 +34,14 @@ class Frames(Protocol):
 
     def picture(self, k: int) -> np.ndarray:
         """Frame k."""
+        ...
 
 
 Writer = Callable[[Frames, Path], None]
 
 
 def write_gif(frames: Frames, path: Path) -> None:
-    """An animated GIF that repeats for ever; every frame has the same palette, so only what changes is stored."""
+    """Write an animated GIF that repeats for ever; all frames share one palette, so only changes are stored."""
     pictures = indexed(frames)
     ends = np.round(100.0 * np.arange(1, len(frames) + 1) / frames.fps).astype(int)  # a GIF's clock has 1/100 s
     durations = 10 * np.diff(ends, prepend=0)
@@ -51,7 +52,7 @@ def write_gif(frames: Frames, path: Path) -> None:
 
 
 def write_html(frames: Frames, path: Path) -> None:
-    """A page with a player that needs no other file: the frames are in it as PNG pictures."""
+    """Write a self-contained page with a player: the frames are in it as PNG pictures."""
     pictures = []
     for image in indexed(frames):
         png = io.BytesIO()
@@ -63,17 +64,18 @@ def write_html(frames: Frames, path: Path) -> None:
 
 
 def write_mp4(frames: Frames, path: Path) -> None:
-    """A film by ffmpeg, with the codec that it has for the file's suffix.
+    """Write a film by ffmpeg, with its codec for the file's suffix.
 
     Raises:
-        UserError: there is no ffmpeg, or it fails.
+        UserError: ffmpeg is not installed, or it fails.
     """
     height, width, _ = frames.picture(0).shape
     raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{frames.fps:g}", "-i", "-"]
     film = ["-pix_fmt", "yuv420p", str(path)]
     command = [find_ffmpeg(), "-y", "-loglevel", "error", *raw, *film]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        with contextlib.suppress(BrokenPipeError):  # it gave up; what it says on stderr is the reason
+        assert process.stdin is not None  # as it is a pipe
+        with contextlib.suppress(BrokenPipeError):  # it gave up, and gives its reason on stderr
             for k in range(len(frames)):
                 process.stdin.write(frames.picture(k).tobytes())
         _, complaint = process.communicate()
@@ -85,10 +87,10 @@ WRITERS: dict[str, Writer] = {".gif": write_gif, ".html": write_html, ".mp4": wr
 
 
 def find_ffmpeg() -> str:
-    """The path of ffmpeg.
+    """Path of ffmpeg.
 
     Raises:
-        UserError: it is not installed.
+        UserError: ffmpeg is not installed.
     """
     found = shutil.which("ffmpeg")
     if found is None:
@@ -97,7 +99,7 @@ def find_ffmpeg() -> str:
 
 
 def indexed(frames: Frames) -> Iterator[Image.Image]:
-    """The frames with one palette: the colours that must be exact, and for the rest those of a few frames."""
+    """Frames that share one palette: first the colours that must be exact, then those of a few frames."""
     palette = _palette(frames)
     entry = _nearest(palette, exact=len(frames.colours))
     for k in range(len(frames)):
@@ -110,15 +112,15 @@ def _palette(frames: Frames) -> np.ndarray:
     """Red, green and blue (n, 3), uint8, of at most ``COLOURS`` colours, the exact ones first."""
     sampled = np.unique(np.linspace(0, len(frames) - 1, SAMPLED).astype(int))
     together = Image.fromarray(np.concatenate([frames.picture(k) for k in sampled]))
-    others = together.quantize(COLOURS - len(frames.colours)).getpalette()
+    others = together.quantize(COLOURS - len(frames.colours)).getpalette() or []
     return np.concatenate([frames.colours, np.reshape(others, (-1, 3))]).astype(np.uint8)
 
 
 def _nearest(palette: np.ndarray, exact: int) -> np.ndarray:
-    """Palette entry (2^15,) of each bin; a bin with one of the first ``exact`` colours is all that colour."""
+    """Palette entry (2^15,) of each bin; a bin that holds one of the first ``exact`` colours takes that colour."""
     channel = 8 * np.arange(32) + 4
     centres = np.stack(np.meshgrid(channel, channel, channel, indexing="ij"), axis=-1).reshape(-1, 3)
-    _, entry = KDTree(palette).query(centres)
+    entry = np.asarray(KDTree(palette).query(centres)[1])
     entry[_bin(palette[:exact])] = np.arange(exact)
     return entry.astype(np.uint8)
 

@@ -1,8 +1,17 @@
 """The subcommands of ``coopmm``, one module each: ``add`` declares its arguments, ``run`` does it.
 
-A module's parser sets three defaults: ``run``; ``takes_overrides``, whether --section.field may be given; ``computes``,
-whether it runs rollouts, for which XLA's options are worth setting. A fourth, ``sweeps``, says that most of its time
+A module's parser sets three defaults: ``run``; ``takes_overrides``, true if --section.field may be given; ``computes``,
+true if it runs rollouts, for which XLA's options are worth setting. A fourth, ``sweeps``, says that most of its time
 goes into large batches, without gradients.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+
+    Subparsers = argparse._SubParsersAction[argparse.ArgumentParser]  # what ``add`` adds a parser to
 
 DONE, BAD_INPUT, ROLLOUT_FAILED, INTERRUPTED = 0, 2, 3, 130  # exit codes

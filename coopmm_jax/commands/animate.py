@@ -15,10 +15,11 @@ from coopmm_jax.runs.store import read_run, result_folder
 from coopmm_jax.scenario.scenario import Scenario, list_scenarios, load_scenario
 
 if TYPE_CHECKING:
+    from coopmm_jax.commands import Subparsers
     from coopmm_jax.runs.trajectory import Trajectory
 
 
-def add(commands: Any) -> None:
+def add(commands: Subparsers) -> None:
     """Declare the subcommand."""
     parser = commands.add_parser(
         "animate",
@@ -38,12 +39,12 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
-    """Simulate or load what is to be shown, and write the animation.
+    """Simulate or load the runs, and write the animation.
 
     Raises:
         UserError: overrides that change nothing, or as ``animate``, ``load_scenario`` and ``read_run``.
     """
-    from coopmm_jax.animation.film import film  # imports matplotlib
+    from coopmm_jax.animation import film  # imports matplotlib
 
     path = Path(options.out).expanduser()
     write, look = film.writer(path), {"fps": options.fps, "speed": options.speed, "width": options.width}
@@ -58,24 +59,23 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
 
 
 def _shown(options: argparse.Namespace, changes: dict[str, Any]) -> dict[str, Scenario | Path]:
-    """What to show, by what it is called in the picture: scenarios to simulate, folders to read."""
+    """Runs to show, by their names in the picture: scenarios to simulate, folders to read."""
     common = {name: value for name, value in changes.items() if name.startswith("simulation.")}
     own = {name: value for name, value in changes.items() if name not in common}
     folder = _folder(options.shown)
-    second = None if options.against is None else _folder(options.against) or load_scenario(options.against, **common)
-    unused = own if isinstance(second, Scenario) else changes
+    second: dict[str, Scenario | Path] = {}
+    if options.against is not None:
+        second[_name(options.against)] = _folder(options.against) or load_scenario(options.against, **common)
+    unused = own if any(isinstance(source, Scenario) for source in second.values()) else changes
     if folder is not None and unused:
         raise UserError(f"--{next(iter(unused))}", "given with a scenario to simulate", f"given with {folder}")
     label = ", ".join([_name(options.shown), *(f"{name} {value}" for name, value in own.items())])
-    shown = {label: folder or load_scenario(options.shown, **changes)}
-    if second is None:
-        return shown
-    other = _name(options.against)
-    return shown | {other if other != label else f"{other} (--against)": second}
+    first = {label: folder or load_scenario(options.shown, **changes)}
+    return first | {name if name != label else f"{name} (--against)": source for name, source in second.items()}
 
 
 def _folder(name: str) -> Path | None:
-    """The folder of results that is meant, unless it is a scenario; a shipped scenario goes before a folder."""
+    """Folder of results of that name, unless it is a scenario; a shipped scenario goes before a folder."""
     return Path(name) if Path(name).is_dir() and name not in list_scenarios() else None
 
 

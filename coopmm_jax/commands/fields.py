@@ -10,7 +10,7 @@ OVERRIDES = "[--section.field VALUE ...]"
 
 
 def fields_help() -> str:
-    """Every field with its default, meaning and unit."""
+    """Text that lists every field with its default, meaning and unit."""
     lines = ["overrides, after SCENARIO (values are TOML; several values make a list, one number fills a list):"]
     for name, section in _sections().items():
         lines += ["", section.__doc__]

@@ -13,10 +13,11 @@ from coopmm_jax.runs.store import result_folder
 if TYPE_CHECKING:
     import xarray
 
+    from coopmm_jax.commands import Subparsers
     from coopmm_jax.scenario.scenario import Scenario
 
 
-def add(commands: Any) -> None:
+def add(commands: Subparsers) -> None:
     """Declare the subcommand."""
     parser = commands.add_parser(
         "report",
@@ -50,12 +51,12 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
 
 
 def report_folder(store: str | Path) -> Path:
-    """Where the report of a store goes by default."""
+    """Default folder for the report of a store."""
     return Path(store).with_name(f"{Path(store).stem}-report")
 
 
 def write_and_print(folder: Path, data: xarray.Dataset, scenario: Scenario | None = None) -> None:
-    """The report of a data set, into a folder and on the screen."""
+    """Write the report of a data set into a folder, and print it."""
     from coopmm_jax.sweeps import report
     from coopmm_jax.sweeps.statistics import read_results
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.scenario.scenario import list_scenarios
 
+if TYPE_CHECKING:
+    from coopmm_jax.commands import Subparsers
 
-def add(commands: Any) -> None:
+
+def add(commands: Subparsers) -> None:
     """Declare the subcommand."""
     parser = commands.add_parser("scenarios", help="list the shipped scenarios", allow_abbrev=False)
     parser.set_defaults(run=run, parser=parser, takes_overrides=False, computes=False)

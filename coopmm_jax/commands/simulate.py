@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import coopmm_jax
 from coopmm_jax.commands import DONE, ROLLOUT_FAILED
@@ -16,8 +16,12 @@ from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.overrides import merged
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 
+if TYPE_CHECKING:
+    from coopmm_jax.commands import Subparsers
+    from coopmm_jax.runs.trajectory import Trajectory
 
-def add(commands: Any) -> None:
+
+def add(commands: Subparsers) -> None:
     """Declare the subcommand."""
     parser = commands.add_parser(
         "simulate",
@@ -65,7 +69,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
 
 
 def _scenario(options: argparse.Namespace, changes: dict[str, Any]) -> Scenario:
-    """The scenario that is named, or the one of a sweep's sample."""
+    """Scenario that is named, or the one of a sweep's sample."""
     if options.store is None:
         if options.sample is not None:
             raise UserError("--sample", "given together with --from", "given alone")
@@ -81,7 +85,7 @@ def _scenario(options: argparse.Namespace, changes: dict[str, Any]) -> Scenario:
     return replay(options.store, options.sample).with_overrides(changes)
 
 
-def _report(scenario: Scenario, trajectory: Any) -> int:
+def _report(scenario: Scenario, trajectory: Trajectory) -> int:
     settings = scenario.simulation
     print(scenario.description)
     print(f"{settings.duration:g} s in {scenario.steps} steps of {settings.step:g} s, {settings.precision}")

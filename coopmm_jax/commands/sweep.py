@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
@@ -13,8 +13,11 @@ from coopmm_jax.runs.store import result_folder
 from coopmm_jax.scenario.overrides import merged, read_toml
 from coopmm_jax.scenario.scenario import load_scenario
 
+if TYPE_CHECKING:
+    from coopmm_jax.commands import Subparsers
 
-def add(commands: Any) -> None:
+
+def add(commands: Subparsers) -> None:
     """Declare the subcommand."""
     parser = commands.add_parser(
         "sweep",

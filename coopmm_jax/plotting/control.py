@@ -1,9 +1,9 @@
-"""Figures of the controller: input torques (Fig. 6, 9), the error sigma it filters, the bounds it adapts."""
+"""Figures of the controller: input torques (Fig. 6, 9), filtered error sigma, adapted bounds chat_k."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,17 +17,21 @@ if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
 
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
-VELOCITIES = ("u1", "u2", "a1", "a2", "a3")  # of one robot: what sigma's entries are errors of
+VELOCITIES = ("u1", "u2", "a1", "a2", "a3")  # of one robot; each entry of sigma is the error of one of them
 ACTUATORS = ("right wheel", "left wheel", "joint 1", "joint 2", "joint 3")
 BOUNDS = ("inertia", "Coriolis", "Coriolis rate", "gravity", "disturbance")  # what each c_k bounds
 
 
 @style.styled
-def torques(*trajectories: Trajectory, robot: str, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
-    """Fig. 6 and 9: input torques of one robot [N m], wheels and joints.
+def torques(
+    *trajectories: Trajectory, robot: str, labels: Sequence[str] | None = None, axes: style.GivenAxes = None
+) -> Figure:
+    """Input torques of one robot [N m], wheels and joints (Fig. 6 and 9).
 
     Args:
-        trajectories: one, or several to compare. robot: "I" or "II". labels: one for each trajectory.
+        trajectories: one, or several to compare.
+        robot: "I" or "II".
+        labels: one for each trajectory.
         axes: two matplotlib axes to draw on.
 
     Returns:
@@ -49,11 +53,16 @@ def torques(*trajectories: Trajectory, robot: str, labels: Sequence[str] | None 
 
 
 @style.styled
-def filtered_error(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
-    """sigma below (15), which the law (18) drives to zero: one line per independent velocity [rad/s, m/s].
+def filtered_error(
+    *trajectories: Trajectory, labels: Sequence[str] | None = None, axes: style.GivenAxes = None
+) -> Figure:
+    """Filtered error sigma below (15), which the law (18) drives to zero [rad/s, m/s].
+
+    One line for each independent velocity.
 
     Args:
-        trajectories: one, or several to compare. labels: one for each.
+        trajectories: one, or several to compare.
+        labels: one for each trajectory.
         axes: two matplotlib axes to draw on, for robot I and II.
 
     Returns:
@@ -74,11 +83,13 @@ def filtered_error(*trajectories: Trajectory, labels: Sequence[str] | None = Non
 
 
 @style.styled
-def adaptation(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
-    """Estimates chat_k of the uncertainty's bounds, (20)-(24) [in the units of each bound].
+def adaptation(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: style.GivenAxes = None) -> Figure:
+    """Estimates chat_k of the bounds on the uncertainty, (20)-(24) [in the units of each bound].
 
     Args:
-        trajectories: one, or several to compare. labels: one for each. axes: one matplotlib axes to draw on.
+        trajectories: one, or several to compare.
+        labels: one for each trajectory.
+        axes: one matplotlib axes to draw on.
 
     Returns:
         The figure that was drawn on.
@@ -96,12 +107,12 @@ def adaptation(*trajectories: Trajectory, labels: Sequence[str] | None = None, a
 
 
 def torque_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
-    """All five torques of one robot."""
+    """Draw all five torques of one robot [N m]."""
     time_panel(axes, group, dict(_torques(robot)), f"torques of {robot} [N m]")
 
 
 def sigma_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
-    """sigma of one robot."""
+    """Draw the filtered error sigma of one robot [rad/s, m/s]."""
     independent = partition(group[0].trajectory.rows).independent
     i = robot_index(robot)
     first = 0 if i == 0 else len(independent[0])
@@ -110,7 +121,7 @@ def sigma_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
 
 
 def bounds_panel(axes: Axes, group: Sequence[Run]) -> None:
-    """All five estimates."""
+    """Draw the five estimates chat_k."""
     values = {name: lambda run, k=k: run.c_hat[:, k] for k, name in enumerate(BOUNDS)}
     time_panel(axes, group, values, "ĉ [N m per unit of f]")
 

@@ -1,9 +1,9 @@
-"""Figures of the constraint: contact force (Fig. 10), all multipliers, how well phi = 0 is met."""
+"""Figures of the constraints: contact force (Fig. 10), all multipliers, residual phi."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,13 +22,17 @@ SMALLEST = 1e-16  # [m], rounding of the lengths here, so that zero has a place 
 
 
 @style.styled
-def contact_force(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
-    """Fig. 10: normal contact force [N] with its desired value: the whole run, its start, and once it has settled.
+def contact_force(
+    *trajectories: Trajectory, labels: Sequence[str] | None = None, axes: style.GivenAxes = None
+) -> Figure:
+    """Normal contact force [N] and its desired value (Fig. 10): the whole run, its start, and its settled part.
 
-    Where the force is negative the contact would have opened; that is hatched.
+    Hatched where the force is negative: there the contact would have opened.
 
     Args:
-        trajectories: one, or several to compare. labels: one for each. axes: three matplotlib axes to draw on.
+        trajectories: one, or several to compare.
+        labels: one for each trajectory.
+        axes: three matplotlib axes to draw on.
 
     Returns:
         The figure that was drawn on.
@@ -50,11 +54,15 @@ def contact_force(*trajectories: Trajectory, labels: Sequence[str] | None = None
 
 
 @style.styled
-def constraint_forces(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
-    """Multipliers lambda of (9) [N], one line per constraint row: the contact, and the guide that holds the object.
+def constraint_forces(
+    *trajectories: Trajectory, labels: Sequence[str] | None = None, axes: style.GivenAxes = None
+) -> Figure:
+    """Multipliers lambda of (9) [N], one line for each constraint row: the contact, and the guide of the object.
 
     Args:
-        trajectories: one, or several to compare. labels: one for each. axes: one matplotlib axes to draw on.
+        trajectories: one, or several to compare.
+        labels: one for each trajectory.
+        axes: one matplotlib axes to draw on.
 
     Returns:
         The figure that was drawn on.
@@ -72,11 +80,15 @@ def constraint_forces(*trajectories: Trajectory, labels: Sequence[str] | None = 
 
 
 @style.styled
-def constraint_residual(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
-    """How far each constraint row has been from being met: the largest |phi| so far [m], on a logarithmic axis.
+def constraint_residual(
+    *trajectories: Trajectory, labels: Sequence[str] | None = None, axes: style.GivenAxes = None
+) -> Figure:
+    """Largest |phi| of each constraint row so far [m], on a logarithmic axis.
 
     Args:
-        trajectories: one, or several to compare. labels: one for each. axes: one matplotlib axes to draw on.
+        trajectories: one, or several to compare.
+        labels: one for each trajectory.
+        axes: one matplotlib axes to draw on.
 
     Returns:
         The figure that was drawn on.
@@ -94,7 +106,7 @@ def constraint_residual(*trajectories: Trajectory, labels: Sequence[str] | None 
 
 
 def contact_panel(axes: Axes, group: Sequence[Run], window: tuple[float, float] = (-np.inf, np.inf)) -> None:
-    """lambda_n of every run with its desired value, between two times [s]."""
+    """Draw lambda_n of every run and its desired value [N] between two times [s]."""
     desired = {"desired": lambda run: np.full(len(run.t), run.constraint_force_desired[0])}
     time_panel(axes, group, {"normal": _normal}, "contact force [N]", desired, window)
     label = "contact lost"
@@ -107,30 +119,35 @@ def contact_panel(axes: Axes, group: Sequence[Run], window: tuple[float, float] 
 
 
 def contact_start_panel(axes: Axes, group: Sequence[Run]) -> None:
-    """The start of a run, where the transient is; shares the contact panel's legend."""
+    """Draw the contact force at the start, where the transient is; the legend is the contact panel's."""
     t = longest(group).t
     last = min(max(len(t) // 20, FEWEST), len(t) - 1)
     contact_panel(axes, group, (0.0, min(START, t[last]) if len(t) else 0.0))
-    axes.get_legend().remove()
+    _without_legend(axes)
 
 
 def contact_settled_panel(axes: Axes, group: Sequence[Run]) -> None:
-    """The last three quarters, on the scale of what is left of the transient; shares the contact panel's legend."""
+    """Draw the contact force from the first quarter on, on its own scale; the legend is the contact panel's."""
     t = longest(group).t
     contact_panel(axes, group, (t[len(t) // 4] if len(t) else 0.0, np.inf))
-    axes.get_legend().remove()
+    _without_legend(axes)
 
 
 def multipliers_panel(axes: Axes, group: Sequence[Run]) -> None:
-    """Multipliers of every row."""
+    """Draw the multipliers of every row [N]."""
     time_panel(axes, group, _by_row(group, lambda run: run.constraint_force), "constraint forces [N]")
 
 
 def residual_panel(axes: Axes, group: Sequence[Run]) -> None:
-    """Largest |phi| of every row so far; |phi| itself has a zero at every change of sign, which hides the rest."""
+    """Draw the largest |phi| of every row so far [m]; |phi| itself dips to zero wherever phi changes sign."""
     sizes = _by_row(group, lambda run: np.maximum.accumulate(np.abs(run.constraint_residual)) + SMALLEST)
     axes.set_yscale("log")
     time_panel(axes, group, sizes, "residual so far [m]")
+
+
+def _without_legend(axes: Axes) -> None:
+    if (legend := axes.get_legend()) is not None:
+        legend.remove()
 
 
 def _normal(run: Trajectory) -> np.ndarray:
@@ -138,6 +155,6 @@ def _normal(run: Trajectory) -> np.ndarray:
 
 
 def _by_row(group: Sequence[Run], values: Quantity) -> dict[str, Quantity]:
-    """One quantity per constraint row, from an array (T, m) of a run."""
+    """One quantity for each constraint row, from an array (T, m) of a run."""
     names = group[0].trajectory.rows
     return {name.replace("_", " "): lambda run, k=k: values(run)[:, k] for k, name in enumerate(names)}

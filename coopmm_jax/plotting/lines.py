@@ -1,4 +1,4 @@
-"""Lines over time: which runs, what they are called, and how few points show them faithfully.
+"""Lines over time: runs with their labels, and the few points that show a line faithfully.
 
 >>> extremes(np.array([0.0, 5.0, 0.0, 0.0, -5.0, 0.0]), 2).tolist()
 [0, 1, 4, 5]
@@ -21,18 +21,19 @@ if TYPE_CHECKING:
 
 POINTS = 2000  # of one line; more than a page has pixels
 TIME = "time [s]"
+_BLACK: dict[str, Any] = {"color": "black"}
 Quantity = Callable[["Trajectory"], np.ndarray]  # (T,) of one run
 
 
 class Run(NamedTuple):
-    """One of the runs in a figure, and what the legend calls it (nothing when it is alone)."""
+    """One of the runs in a figure, with its name in the legend (empty when it is alone)."""
 
     trajectory: Trajectory
     label: str
 
 
 def runs(trajectories: Sequence[Trajectory], labels: Sequence[str] | None) -> list[Run]:
-    """Runs with their labels; by default what their scenarios differ in.
+    """Runs with their labels; by default, the settings in which their scenarios differ.
 
     Raises:
         UserError: no trajectory, or not one label for each.
@@ -66,7 +67,8 @@ def extremes(y: np.ndarray, points: int = POINTS) -> np.ndarray:
     """Indices of at most ``points + 2`` samples that keep every peak of y: lowest and highest of each stretch.
 
     Args:
-        y: samples (T,). points: even.
+        y: samples (T,).
+        points: even.
     """
     stretch = -(-len(y) // (points // 2))
     if stretch <= 2:
@@ -86,13 +88,17 @@ def time_panel(
     reference: Mapping[str, Quantity] | None = None,
     window: tuple[float, float] = (-np.inf, np.inf),
 ) -> None:
-    """Draw quantities of every run over time, with references, and where a run failed.
+    """Draw quantities of every run over time, with references, and a mark where a run failed.
 
-    Several quantities of several runs are told apart by dashes and colours; otherwise each line has its own of both.
+    With several quantities of several runs, the dash pattern tells the quantity and the colour the run.
 
     Args:
-        quantities: legend entry -> values (T,) of a run. unit: label of the vertical axis, with its unit.
-        reference: likewise, taken from the longest run. window: first and last time to show [s].
+        axes: the panel to draw on.
+        group: runs with their labels.
+        quantities: legend entry -> values (T,) of a run.
+        unit: label of the vertical axis, with its unit.
+        reference: like ``quantities``, taken from the longest run.
+        window: first and last time to show [s].
     """
     crossed = len(group) > 1 and len(quantities) > 1
     for i, run in enumerate(group):
@@ -110,15 +116,15 @@ def time_panel(
 
 
 def _key(dashes: Sequence[str], colours: Sequence[str]) -> list[Line2D]:
-    """Legend entries of what dashes mean, in black, and of what colours mean, solid."""
-    by_dash = [Line2D([], [], label=name, **style.pen(0, j) | {"color": "black"}) for j, name in enumerate(dashes)]
+    """Legend entries that explain the dash patterns, in black, and the colours, solid."""
+    by_dash = [Line2D([], [], label=name, **style.pen(0, j) | _BLACK) for j, name in enumerate(dashes)]
     return by_dash + [Line2D([], [], label=name, **style.pen(i, 0)) for i, name in enumerate(colours)]
 
 
 def samples(
     trajectory: Trajectory, quantity: Quantity, window: tuple[float, float] = (-np.inf, np.inf)
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and values of a quantity within a window, thinned to what a line needs."""
+    """Times [s] and values of a quantity within a window, thinned to the points that a line needs."""
     shown = (trajectory.t >= window[0]) & (trajectory.t <= window[1])
     t, y = trajectory.t[shown], quantity(trajectory)[shown]
     kept = extremes(y)
@@ -126,14 +132,14 @@ def samples(
 
 
 def longest(group: Sequence[Run]) -> Trajectory:
-    """The trajectory with the most samples."""
+    """Trajectory with the most samples."""
     return max((run.trajectory for run in group), key=lambda trajectory: len(trajectory.t))
 
 
 def mark_failures(axes: Axes, group: Sequence[Run], window: tuple[float, float]) -> None:
-    """A vertical line where a run stopped within a window [s], named in the legend after its status."""
+    """Draw a vertical line where a run failed within a window [s], named in the legend after its status."""
     for run in group:
         time = run.trajectory.status_time
-        if not run.trajectory.ok and window[0] <= time <= window[1]:
+        if time is not None and window[0] <= time <= window[1]:
             label = ", ".join(filter(None, (f"{run.trajectory.status.name} at {time:.3g} s", run.label)))
             axes.axvline(time, label=label, **style.FAILURE)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,7 +20,7 @@ ROBOTS = ("I", "II")
 
 
 def robot_index(robot: str) -> int:
-    """Index of robot "I" or "II" along a trajectory's second axis.
+    """Index of robot "I" or "II" along the second axis of a trajectory's arrays.
 
     Raises:
         UserError: it is neither.
@@ -31,11 +31,15 @@ def robot_index(robot: str) -> int:
 
 
 @style.styled
-def platform_paths(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
-    """Fig. 3: paths of both axle midpoints [m], with where they should go and where they start.
+def platform_paths(
+    *trajectories: Trajectory, labels: Sequence[str] | None = None, axes: style.GivenAxes = None
+) -> Figure:
+    """Paths of both axle midpoints [m] and their references (Fig. 3); a dot marks each start.
 
     Args:
-        trajectories: one, or several to compare. labels: one for each. axes: one matplotlib axes to draw on.
+        trajectories: one, or several to compare.
+        labels: one for each trajectory.
+        axes: one matplotlib axes to draw on.
 
     Returns:
         The figure that was drawn on.
@@ -54,12 +58,14 @@ def platform_paths(*trajectories: Trajectory, labels: Sequence[str] | None = Non
 
 @style.styled
 def platform_angle(
-    *trajectories: Trajectory, robot: str, labels: Sequence[str] | None = None, axes: Any = None
+    *trajectories: Trajectory, robot: str, labels: Sequence[str] | None = None, axes: style.GivenAxes = None
 ) -> Figure:
-    """Fig. 4 and 7: platform angle theta of one robot with its reference [rad], and the error between them.
+    """Platform angle theta of one robot, its reference, and the error between them [rad] (Fig. 4 and 7).
 
     Args:
-        trajectories: one, or several to compare. robot: "I" or "II". labels: one for each trajectory.
+        trajectories: one, or several to compare.
+        robot: "I" or "II".
+        labels: one for each trajectory.
         axes: two matplotlib axes to draw on.
 
     Returns:
@@ -82,11 +88,15 @@ def platform_angle(
 
 
 @style.styled
-def arm_angles(*trajectories: Trajectory, robot: str, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
-    """Fig. 5 and 8: arm joints of one robot [rad]: yaw a1 with its reference; a2 and a3, which the constraints decide.
+def arm_angles(
+    *trajectories: Trajectory, robot: str, labels: Sequence[str] | None = None, axes: style.GivenAxes = None
+) -> Figure:
+    """Arm joints of one robot [rad] (Fig. 5 and 8): yaw a1 with its reference; a2 and a3, set by the constraints.
 
     Args:
-        trajectories: one, or several to compare. robot: "I" or "II". labels: one for each trajectory.
+        trajectories: one, or several to compare.
+        robot: "I" or "II".
+        labels: one for each trajectory.
         axes: two matplotlib axes to draw on.
 
     Returns:
@@ -109,11 +119,15 @@ def arm_angles(*trajectories: Trajectory, robot: str, labels: Sequence[str] | No
 
 
 @style.styled
-def chained_errors(*trajectories: Trajectory, labels: Sequence[str] | None = None, axes: Any = None) -> Figure:
+def chained_errors(
+    *trajectories: Trajectory, labels: Sequence[str] | None = None, axes: style.GivenAxes = None
+) -> Figure:
     """Tracking errors zeta - zeta_d of both platforms in chained form (6): e1 [rad], e2 and e3 [m].
 
     Args:
-        trajectories: one, or several to compare. labels: one for each. axes: two matplotlib axes to draw on.
+        trajectories: one, or several to compare.
+        labels: one for each trajectory.
+        axes: two matplotlib axes to draw on.
 
     Returns:
         The figure that was drawn on.
@@ -133,7 +147,7 @@ def chained_errors(*trajectories: Trajectory, labels: Sequence[str] | None = Non
 
 
 def paths_panel(axes: Axes, group: Sequence[Run]) -> None:
-    """Paths of both platforms of every run."""
+    """Draw the paths of both platforms of every run [m]."""
     for k, (run, i) in enumerate((run, i) for run in group for i in range(len(ROBOTS))):
         x, y = run.trajectory.q[:, i, 0], run.trajectory.q[:, i, 1]
         kept, pen = _evenly(len(x)), style.pen(k)
@@ -152,14 +166,14 @@ def paths_panel(axes: Axes, group: Sequence[Run]) -> None:
 
 
 def errors_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
-    """Errors of the chained form of one robot."""
+    """Draw the errors of the chained form of one robot [rad, m]."""
     i = robot_index(robot)
     errors = {f"e{j + 1}": lambda run, j=j: run.zeta[:, i, j] - run.zeta_desired[:, i, j] for j in range(3)}
     time_panel(axes, group, errors, f"errors of {robot} [rad, m]")
 
 
 def midpoints(zeta: np.ndarray) -> np.ndarray:
-    """x and y (..., 2) of the axle midpoint from chained coordinates (..., 3): (6) solved for them."""
+    """Axle midpoint x, y (..., 2) [m] from chained coordinates (..., 3): the inverse of (6)."""
     th, lateral, forward = np.moveaxis(zeta, -1, 0)
     s, c = np.sin(th), np.cos(th)
     return np.stack([lateral * c - forward * s, lateral * s + forward * c], axis=-1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -22,11 +22,12 @@ LAYOUT = (
 
 
 @style.styled
-def overview(trajectory: Trajectory, axes: Any = None) -> Figure:
+def overview(trajectory: Trajectory, axes: style.GivenAxes = None) -> Figure:
     """Everything about one run at a glance: a row each for its motion, its forces and its controller.
 
     Args:
-        trajectory: the run. axes: twelve matplotlib axes to draw on, row by row.
+        trajectory: the run.
+        axes: twelve matplotlib axes to draw on, row by row.
 
     Returns:
         The figure that was drawn on.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,14 +14,22 @@ from coopmm_jax.plotting.lines import TIME, extremes
 
 @style.styled
 def series(
-    t: np.ndarray, values: Mapping[str, np.ndarray], unit: str, over: str = TIME, log: str = "", axes: Any = None
+    t: np.ndarray,
+    values: Mapping[str, np.ndarray],
+    unit: str,
+    over: str = TIME,
+    log: str = "",
+    axes: style.GivenAxes = None,
 ) -> Figure:
     """Any signals over time, or over something else.
 
     Args:
-        t: (T,) [s], or in the unit that ``over`` names. values: legend entry -> (T,). unit: label of the vertical axis,
-            with its unit. over: label of the horizontal axis, likewise. log: which axes are logarithmic: "x", "y",
-            "xy". axes: one matplotlib axes to draw on.
+        t: (T,) [s], or in the unit that ``over`` names.
+        values: legend entry -> signal (T,).
+        unit: label of the vertical axis, with its unit.
+        over: label of the horizontal axis, with its unit.
+        log: logarithmic axes: "x", "y" or "xy".
+        axes: one matplotlib axes to draw on.
 
     Returns:
         The figure that was drawn on.

@@ -1,4 +1,4 @@
-"""How every figure looks: one place for sizes, fonts, colours, dashes, legends and files.
+"""Look of every figure: sizes, fonts, colours, dashes, legends and files.
 
 Colours are Okabe and Ito's, neighbours differ in lightness, and lines differ in their dashes (the sixth is solid like
 the first, but much lighter), so figures can be read in grey and by colour-blind people. Figures are made without
@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, ParamSpec, TypeAlias, TypeVar
 
 import matplotlib
 import numpy as np
@@ -24,12 +24,15 @@ from matplotlib.figure import Figure
 
 from coopmm_jax.errors import UserError
 
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
+
 WIDTH = 6.4  # [inch]
 DPI = 150
 _NOTEBOOK_DPI = 100
 
 _LEGEND_FONT = 8  # [point]
-_RC = {
+_RC: dict[RcKeyType, Any] = {
     "font.size": 9,
     "hatch.linewidth": 0.6,
     "axes.labelsize": 9,
@@ -57,6 +60,11 @@ REFERENCE = {"color": "0.78", "linewidth": 4.0, "zorder": 1.5}
 FAILURE = {"color": "0.3", "linewidth": 2.5, "linestyle": (0, (0.5, 1))}
 
 
+Arguments = ParamSpec("Arguments")
+GivenAxes: TypeAlias = Axes | Iterable[Axes] | None  # to draw on, an array of them as well; None for a new figure
+Drawn = TypeVar("Drawn")  # a figure, alone or with what moves in it
+
+
 class _Picture(Figure):
     """A figure that shows itself in a notebook, where only pyplot's figures would otherwise."""
 
@@ -67,16 +75,16 @@ class _Picture(Figure):
 
 
 def pen(colour: int, dash: int | None = None) -> dict[str, Any]:
-    """Line properties by the number of a colour and of a dash pattern, which is the same unless given."""
+    """Line properties by the number of a colour and of a dash pattern; by default the same number for both."""
     dash = colour if dash is None else dash
     return {"color": _COLOURS[colour % len(_COLOURS)], "linestyle": _DASHES[dash % len(_DASHES)], "linewidth": 1.4}
 
 
-def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+def styled(draw: Callable[Arguments, Drawn]) -> Callable[Arguments, Drawn]:
     """Run a figure function under this module's settings; those of the user are back when it returns."""
 
     @functools.wraps(draw)
-    def under_settings(*args: Any, **kwargs: Any) -> Figure:
+    def under_settings(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Drawn:
         with matplotlib.rc_context(_RC):
             return draw(*args, **kwargs)
 
@@ -84,13 +92,15 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 
 def panels(
-    axes: Any, layout: Sequence[Sequence[str]], height: float, width: float = WIDTH
+    axes: GivenAxes, layout: Sequence[Sequence[str]], height: float, width: float = WIDTH
 ) -> tuple[Figure, list[Axes]]:
-    """The figure to draw on and its panels, in the order in which their names first appear in ``layout``.
+    """Figure to draw on and its panels, in the order in which their names first appear in ``layout``.
 
     Args:
         axes: None for a new figure; else the axes to use, one per panel (a single one need not be in a list).
-        layout: rows of panel names, as for matplotlib's ``subplot_mosaic``. height, width: of a new figure [inch].
+        layout: rows of panel names, as for matplotlib's ``subplot_mosaic``.
+        height: of a new figure [inch].
+        width: of a new figure [inch].
 
     Raises:
         UserError: ``axes`` has another number of axes.
@@ -101,28 +111,32 @@ def panels(
         by_name = figure.subplot_mosaic([list(row) for row in layout])
         return figure, [by_name[name] for name in names]
     given = [axes] if isinstance(axes, Axes) else list(getattr(axes, "flat", axes))
-    if len(given) != len(names) or not all(isinstance(entry, Axes) for entry in given):
+    usable = len(given) == len(names) and all(isinstance(entry, Axes) for entry in given)
+    figure = given[0].get_figure(root=True) if usable else None
+    if figure is None:
         raise UserError("axes", f"{len(names)} matplotlib axes, for {', '.join(names)}", f"{len(given)} objects")
-    return given[0].get_figure(root=True), given
+    return figure, given
 
 
 def legend(axes: Axes, handles: Sequence[Artist] | None = None) -> None:
-    """A legend above the panel, where it cannot hide data, in as many columns as the panel has room for.
+    """Draw a legend above the panel, where it cannot hide data, in as many columns as the panel has room for.
 
     Args:
+        axes: the panel.
         handles: labelled artists; by default all of the panel's.
     """
     handles = axes.get_legend_handles_labels()[0] if handles is None else handles
-    if handles:
+    figure = axes.get_figure(root=True)
+    if handles and figure is not None:
         widths = [4.5 + 0.52 * len(str(handle.get_label())) for handle in handles]  # [em], estimated, with the handle
-        room = axes.get_window_extent().width * 72.0 / axes.get_figure(root=True).dpi / _LEGEND_FONT
+        room = axes.get_window_extent().width * 72.0 / figure.dpi / _LEGEND_FONT
         fitting = (n for n in range(len(widths), 1, -1) if sum(map(max, np.array_split(widths, n))) <= room)
         columns = next(fitting, 1)
         axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.1)
 
 
 def caption(figure: Figure, text: str) -> None:
-    """Say above a figure what it shows.
+    """Write above a figure what it shows.
 
     >>> caption(Figure(), "What a reader sees first")
     """
@@ -133,8 +147,9 @@ def save(figure: Figure, path: str | Path | BinaryIO, dpi: float = DPI) -> None:
     """Write a figure.
 
     Args:
-        path: a file, whose suffix says what to write (.png, .pdf, .svg), or a stream for PNG. dpi: resolution
-            [pixel/inch].
+        figure: the figure.
+        path: a file, whose suffix decides the format (.png, .pdf, .svg), or a stream for PNG.
+        dpi: resolution [pixel/inch].
 
     Raises:
         OSError: the file cannot be written.

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import argparse
 from contextlib import nullcontext
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES
 from coopmm_jax.runs.store import result_folder
 from coopmm_jax.scenario.scenario import load_scenario
 
+if TYPE_CHECKING:
+    from coopmm_jax.commands import Subparsers
 
-def add(commands: Any) -> None:
+
+def add(commands: Subparsers) -> None:
     """Declare the subcommand."""
     parser = commands.add_parser(
         "compare",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
@@ -14,10 +14,13 @@ from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.overrides import merged
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 
+if TYPE_CHECKING:
+    from coopmm_jax.commands import Subparsers
+
 ADVERSARIES = 4  # of --adversarial: a fifth of what the last descent is trained on after four iterations
 
 
-def add(commands: Any) -> None:
+def add(commands: Subparsers) -> None:
     """Declare the subcommand."""
     parser = commands.add_parser(
         "tune",

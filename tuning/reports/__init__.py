@@ -1,1 +1,1 @@
-"""What is said of a study: tables, figures and pages."""
+"""Reports on studies: tables, figures and pages."""

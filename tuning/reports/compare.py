@@ -1,4 +1,4 @@
-"""What a comparison of gains says: a table to print, files to keep.
+"""Report on a comparison of gains: a table to print, files to keep.
 
     coopmm compare scenario tuned/gains.toml --scenario sensed --out compared
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import binomtest
@@ -26,7 +26,7 @@ from tuning.studies.comparison import STATISTICS, Change, ratio
 
 
 class Switches(NamedTuple):
-    """Samples whose outcome another set of gains changes, and how likely chance alone splits them so unevenly."""
+    """Samples whose outcome another set of gains changes, and how likely chance alone would split them so unevenly."""
 
     won: int  # met under the other set only
     lost: int  # met under the first set only
@@ -45,11 +45,12 @@ def write_report(folder: Path, compared: ComparedGains) -> None:
 
 
 def changes(compared: ComparedGains, other: int) -> dict[str, Change]:
-    """Costs and terms of the first set and another, with 95 % intervals of the ratio by paired bootstrap.
+    """Costs and terms of the first set and of another, with 95 % intervals of the ratio by paired bootstrap.
 
     A failed rollout counts in the costs; terms are averaged over the samples that complete under both.
 
     Args:
+        compared: the comparison.
         other: position of the other set.
     """
     comparison, pair = compared.comparison, [0, other]
@@ -65,7 +66,7 @@ def switches(met: np.ndarray) -> list[Switches]:
     """Samples won and lost against the first of S sets, for each of the others (S - 1).
 
     Args:
-        met: which rollouts (S, N) meet a requirement.
+        met: rollouts (S, N) that meet a requirement.
 
     >>> switches(np.array([[True, False, False], [False, True, True]]))
     [Switches(won=2, lost=1, p=1.0)]
@@ -74,8 +75,8 @@ def switches(met: np.ndarray) -> list[Switches]:
     return [Switches(w, n, float(binomtest(w, w + n).pvalue) if w + n else 1.0) for w, n in counts]
 
 
-def summary(compared: ComparedGains) -> dict:
-    """The numbers of the report by name."""
+def summary(compared: ComparedGains) -> dict[str, Any]:
+    """Numbers of the report by name."""
     labels, outcomes = compared.labels, compared.outcomes()
     return {
         "samples": compared.samples,
@@ -132,7 +133,7 @@ def _term_names() -> list[str]:
 
 
 def _lines(title: str, columns: Sequence[str], rows: Mapping[str, Sequence[str]]) -> list[str]:
-    """A block of the table; every column as wide as it needs."""
+    """Block of the table; every column as wide as it needs."""
     first = max(map(len, (title, *rows)))
     widths = [max(map(len, column)) for column in zip(columns, *rows.values(), strict=True)]
     body = ((name, cells) for name, cells in rows.items())

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.metrics.table import METRICS
-from coopmm_jax.plotting.style import REFERENCE, WIDTH, legend, panels, pen, styled
+from coopmm_jax.plotting.style import REFERENCE, WIDTH, GivenAxes, legend, panels, pen, styled
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps.figures import hatch_beyond
 from coopmm_jax.sweeps.measure import SERIES
@@ -25,10 +25,11 @@ _GOLDEN = 0.6180339887498949  # multiples of it spread points evenly whatever th
 
 
 @styled
-def requirements(compared: ComparedGains, axes: Any = None) -> Figure:
-    """Each required metric of every completed sample, set by set, with median and 5 to 95 %; beyond its limit hatched.
+def requirements(compared: ComparedGains, axes: GivenAxes = None) -> Figure:
+    """Each required metric of every completed sample, set by set, with median and 5 to 95 %; hatched beyond its limit.
 
     Args:
+        compared: the comparison.
         axes: matplotlib axes to draw on, one for each requirement.
     """
     limits, sets = compared.scenario.requirements.parsed(), len(compared.labels)
@@ -40,10 +41,11 @@ def requirements(compared: ComparedGains, axes: Any = None) -> Figure:
 
 
 @styled
-def costs(compared: ComparedGains, axes: Any = None) -> Figure:
-    """Every sample's cost under each set against that under the first, and how the ratios are distributed.
+def costs(compared: ComparedGains, axes: GivenAxes = None) -> Figure:
+    """Every sample's cost under each set against that under the first, and the distribution of the ratios.
 
     Args:
+        compared: the comparison.
         axes: two matplotlib axes to draw on.
     """
     figure, (pairs, shares) = panels(axes, [["pairs", "shares"]], height=3.2)
@@ -67,10 +69,11 @@ def costs(compared: ComparedGains, axes: Any = None) -> Figure:
 
 
 @styled
-def bands(compared: ComparedGains, axes: Any = None) -> Figure:
+def bands(compared: ComparedGains, axes: GivenAxes = None) -> Figure:
     """Median and 5 to 95 % over time of force and errors, a column for each set; the first set's median behind all.
 
     Args:
+        compared: the comparison.
         axes: matplotlib axes to draw on, four rows of as many as there are sets.
     """
     sets = len(compared.labels)
@@ -91,7 +94,7 @@ def bands(compared: ComparedGains, axes: Any = None) -> Figure:
 
 
 def _names(compared: ComparedGains) -> list[str]:
-    """Labels of the sets, with how many rollouts fail and so are not drawn."""
+    """Labels of the sets, with the number of rollouts that fail and so are not drawn."""
     failing = (~compared.comparison.completed).sum(axis=1)
     return [f"{label} ({n} fail)" if n else label for label, n in zip(compared.labels, failing, strict=True)]
 

@@ -1,4 +1,4 @@
-"""What a tuning shows of itself in a notebook."""
+"""Result of a tuning as HTML, for a notebook."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def page(result: TuningResult) -> str:
-    """Costs and requirements on the untouched samples before and after; the tuned gains, folded."""
+    """Page of costs and requirements on the untouched samples before and after; the tuned gains, folded."""
     count, iterations = result.comparison.costs.shape[1], len(result.history) - 1
     head = f"TuningResult: {len(result.labels)} numbers, {iterations} iterations, {count} untouched samples"
     gains = zip(result.labels, result.before, result.after, strict=True)

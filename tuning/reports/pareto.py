@@ -1,4 +1,4 @@
-"""What a front between quality and effort says: a table, gains files, a figure.
+"""Report on a front between quality and effort: a table, gains files, a figure.
 
     coopmm tune sensed --pareto 5 --out front
 
@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.plotting.style import legend, panels, pen, save, styled
+from coopmm_jax.plotting.style import GivenAxes, legend, panels, pen, save, styled
 from coopmm_jax.scenario.gains_file import gains_text
 from tuning.cost.objective import FAILED
 from tuning.studies.pareto import Front
@@ -25,7 +26,7 @@ _START = "start"  # where others have the name of a gains file
 
 
 def check_folder(folder: Path) -> None:
-    """See that a folder can take a front.
+    """Check that a folder can take a front.
 
     Raises:
         UserError: it has one already.
@@ -46,7 +47,7 @@ def write_report(folder: Path, front: Front) -> None:
 
 
 def table(front: Front) -> str:
-    """The front as text: quality and effort of the start and of every weighting, on untouched samples."""
+    """Front as text: quality and effort of the start and of every weighting, on untouched samples."""
     samples, duration = front.scenario.tuning.test_samples, front.scenario.simulation.duration
     lines = [f"{samples} untouched samples of {duration:g} s; small is good, about 1 under the scenario's gains", ""]
     lines.append(f"{'':14} {'weight of effort':>16} {'quality':>12} {'effort':>12}")
@@ -58,10 +59,11 @@ def table(front: Front) -> str:
 
 
 @styled
-def picture(front: Front, axes: Any = None) -> Figure:
-    """Quality over effort: the front on untouched samples, what chose it, the start, and all that was tried.
+def picture(front: Front, axes: GivenAxes = None) -> Figure:
+    """Quality over effort: the front on untouched samples and on those that chose it, the start, all gains tried.
 
     Args:
+        front: the front.
         axes: matplotlib axes to draw on.
     """
     figure, (panel,) = panels(axes, [["front"]], height=4.0)
@@ -81,9 +83,9 @@ def picture(front: Front, axes: Any = None) -> Figure:
     return figure
 
 
-def _name_points(panel: Any, front: Front) -> None:
-    """The weight beside each point; weightings that end in the same gains share one label."""
-    shared: dict[tuple, list[str]] = {}
+def _name_points(panel: Axes, front: Front) -> None:
+    """Write the weight beside each point; weightings that end in the same gains share one label."""
+    shared: dict[tuple[float, float], list[str]] = {}
     for weight, (quality, effort) in zip(front.weights, front.points[1:], strict=True):
         shared.setdefault((effort, quality), []).append(f"{weight:.2g}")
     for place, weights in shared.items():

@@ -1,9 +1,9 @@
-"""What a tuning brought, on samples that nothing was chosen by: a table and figures."""
+"""Report on a tuning: a table and figures of its gains on samples by which nothing was chosen."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,7 +39,7 @@ def changes(result: TuningResult) -> dict[str, Change]:
 
 
 def table(result: TuningResult) -> str:
-    """The table before/after, as text."""
+    """Table of costs, requirements and gains before and after, as text."""
     count = result.comparison.costs.shape[1]
     lines = [f"{count} untouched samples over the whole duration", ""]
     lines.append(f"{'':28} {'before':>12} {'after':>12} {'ratio':>9}   95 % interval of the ratio")
@@ -72,6 +72,6 @@ def _losses(result: TuningResult) -> str:
     )
 
 
-def _requirement(result: TuningResult, requirement: Requirement) -> dict[str, object]:
+def _requirement(result: TuningResult, requirement: Requirement) -> dict[str, Any]:
     rates = (success(int(met.sum()), len(met))._asdict() for met in result.comparison.met(requirement))
     return {"requirement": str(requirement), "success": dict(zip(("before", "after"), rates, strict=True))}

@@ -1,4 +1,4 @@
-"""Figures of a tuning: how it converged, what became of the gains, bands of errors before and after."""
+"""Figures of a tuning: its convergence, its gains, bands of errors before and after."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def gains(result: TuningResult) -> Figure:
 
 
 def _plain_numbers(axis: Axis) -> None:
-    """Few and short labels on a logarithmic axis, where matplotlib's own overlap if it spans little."""
+    """Set few and short labels on a logarithmic axis, where matplotlib's own overlap if it spans little."""
     low, high = axis.get_view_interval()
     if high < 10.0 * low:
         axis.set_major_locator(MaxNLocator(5))
