@@ -28,7 +28,7 @@ _TUNING |= {"survivors": 2, "validation_samples": 2, "test_samples": 2}
 
 
 def digest(*arrays: Any) -> str:
-    """The first 16 digits of the SHA-256 of arrays of any shape (...), byte by byte."""
+    """First 16 digits of the SHA-256 of arrays of any shape (...), byte by byte."""
     total = hashlib.sha256()
     for array in arrays:
         total.update(np.ascontiguousarray(array).tobytes())
@@ -36,25 +36,25 @@ def digest(*arrays: Any) -> str:
 
 
 def trajectory(scenario: cm.Scenario) -> str:
-    """One second of the scenario: every recorded array, and the metrics."""
+    """Digest of one second of the scenario: every recorded array, and the metrics."""
     run = cm.simulate(scenario.with_overrides({"simulation.duration": 1.0}))
     return digest(*(a for a in vars(run).values() if isinstance(a, np.ndarray)), list(run.metrics.values()))
 
 
 def sweep(scenario: cm.Scenario) -> str:
-    """Four samples of 0.2 s: parameters, metrics, status and series."""
+    """Digest of four samples of 0.2 s: parameters, metrics, status and series."""
     data = cm.sweep(_varied(scenario, 0.2), samples=4, keep=2, tile=4)
     return digest(*(data[name].values for name in sorted(data.data_vars)))
 
 
 def gradient(scenario: cm.Scenario) -> str:
-    """Cost and gradient of two samples over 0.1 s by every tuned gain."""
+    """Digest of the cost of two samples over 0.1 s, and of its gradient by every tuned gain."""
     problem = _module("tuning.cost.problem", "tuning.problem").build_problem(_varied(scenario, 0.1, tuning=_TUNING))
     return digest(*problem.training.slopes(problem.space.start[None], problem.samples(0, 2)))
 
 
 def tuning(scenario: cm.Scenario) -> str:
-    """The gains after one iteration."""
+    """Digest of the gains after one iteration."""
     tuned = import_module("tuning").tune(_varied(scenario, 0.1, tuning=_TUNING))
     return digest(tuned.after, [row.validation for row in tuned.history])
 
@@ -73,7 +73,7 @@ def _varied(scenario: cm.Scenario, duration: float, **changes: Any) -> cm.Scenar
 
 
 def _module(*names: str) -> Any:
-    """The first module of these that exists, so that older commits can be asked too."""
+    """First module of these that exists, so that older commits can be asked too."""
     for name in names[:-1]:
         try:
             return import_module(name)

@@ -1,4 +1,4 @@
-"""The figures of ``paper_notes.md``, measured: where the paper does not hold as printed, and by how much.
+"""Measured figures of ``paper_notes.md``: the places where the paper does not hold as printed, and by how much.
 
     python -m experiments.paper_checks [CHECK ...]
 
@@ -24,11 +24,11 @@ from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import PAPER_START, Gains, Geometry, Parameters, Structure
 from experiments import paper_runs
 
-Figures = dict[str, Any]  # what, with its unit -> one value or several
+Figures = dict[str, Any]  # name, with its unit -> one value or several
 
 
 def reference() -> Figures:
-    """x_1d = 2.4 cos t, y_1d = 4.0 sin t, th_1d = t: side slip, and the distance that arm I would have to bridge."""
+    """Reference x_1d = 2.4 cos t, y_1d = 4.0 sin t, th_1d = t: its side slip, and the gap that arm I must bridge."""
     t = np.linspace(0.0, 2.0 * np.pi, 100_001)
     s, c = np.sin(t), np.cos(t)
 
@@ -49,7 +49,7 @@ def reference() -> Figures:
 
 
 def start() -> Figures:
-    """The printed start angles, those that meet the constraints, and the constraint forces there."""
+    """Start angles as printed, those that meet the constraints, and the constraint forces there."""
     with jax.enable_x64(True):
         parameters, structure = as_scalars(Parameters(), float), Structure()
         model = build_model(parameters)
@@ -83,7 +83,7 @@ def coriolis() -> Figures:
 
 
 def backstepping() -> Figures:
-    """(26) and (27) by differentiation along (8), at u_d1 = 1.5: which readings of (12), (14) and (27) agree."""
+    """Equations (26) and (27) by differentiation along (8), at u_d1 = 1.5: readings of (12), (14), (27) that agree."""
     gains, u_d1, eta, utilde = Gains(), 1.5, 0.05, (0.1, 0.2)
     position, target = (
         robot_kinematics.Position(0.2, 2.5, 0.1, 0.0, 0.0, 0.0),
@@ -124,7 +124,7 @@ def robust_term() -> Figures:
 
 
 def u26() -> Figures:
-    """(39) at |Lambda| = 100, delta_6 = 0.01, Mr = beta = 1, utilde_b = sigma along Lambda."""
+    """Bound (39) at |Lambda| = 100, delta_6 = 0.01, Mr = beta = 1, utilde_b = sigma along Lambda."""
     Lambda, delta = 100.0, 0.01
     sigma = np.geomspace(1e-6, 1e2, 200_001)
     counterexample = np.sqrt(delta / Lambda)

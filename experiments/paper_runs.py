@@ -18,7 +18,7 @@ from coopmm_jax.proof import terms as proof_terms
 if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
 
-Figures = dict[str, Any]
+Figures = dict[str, Any]  # name, with its unit -> one value or several
 
 # Step times eigenvalue, on the negative real axis, up to which RK4 is stable.
 RK4_LIMIT = 2.785
@@ -26,12 +26,12 @@ RK4_LIMIT = 2.785
 
 @cache
 def simulated(*changes: tuple[str, Any]) -> Trajectory:
-    """The study with some fields changed."""
+    """Study with some fields changed."""
     return cm.simulate(cm.load_scenario("paper").with_overrides(dict(changes)))
 
 
 def robust_rate(trajectory: Trajectory) -> np.ndarray:
-    """|U2| / |sigma| over Mr's least eigenvalue [1/s], every 20th sample: how fast the robust term turns sigma."""
+    """Rate |U2| / |sigma| over Mr's least eigenvalue [1/s], every 20th sample, at which the robust term turns sigma."""
     structure, parameters = trajectory.scenario.structure(), trajectory.scenario.parameters()
     terms = proof_terms.proof_terms(structure, parameters, *lyapunov.states_of(trajectory, every=20))
     gain = np.linalg.norm(terms.robust.sum(axis=1), axis=1) / np.linalg.norm(terms.sigma, axis=1)
@@ -39,7 +39,7 @@ def robust_rate(trajectory: Trajectory) -> np.ndarray:
 
 
 def coupling_blocks() -> Figures:
-    """L of (10) along the study: the block that the paper has as zero, and what leaving it out would do."""
+    """Map L of (10) along the study: the block that the paper has as zero, and the effect of leaving it out."""
     run = simulated()
     structure, model = run.scenario.structure(), build_model(run.scenario.parameters())
     t, state = lyapunov.states_of(run, every=10)
@@ -76,7 +76,7 @@ def stability() -> Figures:
 
 
 def true_range() -> Figures:
-    """beta = 127 and lam_min = 0.62, the true range of Mr's eigenvalues: does (40) hold, and what does it cost?"""
+    """Study with beta = 127 and lam_min = 0.62, the true range of Mr's eigenvalues: bound (40), and its price."""
     bounds = (("gains.beta", 127.0), ("gains.lam_min", 0.62))
     coarse = simulated(*bounds)
     fine = simulated(*bounds, ("simulation.step", 2e-5), ("simulation.duration", 0.4))
@@ -100,7 +100,7 @@ def _steps(report: dict[str, Any]) -> Figures:
 
 
 def printed_law() -> Figures:
-    """The study with (19) as the proof needs it, and as printed."""
+    """Study with (19) as the proof needs it, and as printed."""
     proof, printed = simulated(), simulated(("law.robust_term", "printed"))
 
     def both(metric: str) -> list[float]:
@@ -116,7 +116,7 @@ def printed_law() -> Figures:
 
 
 def contact() -> Figures:
-    """The contact force with both readings of the feed-forward."""
+    """Contact force with both readings of the feed-forward."""
     figures: Figures = {}
     for reading in ("projected", "full"):
         run = simulated(("law.feedforward", reading))
@@ -132,7 +132,7 @@ def contact() -> Figures:
 
 
 def chatter() -> Figures:
-    """The robust term as delta -> 0: total variation of robot I's wheel torques from 15 s to 20 s."""
+    """Robust term as delta -> 0: total variation of robot I's wheel torques from 15 s to 20 s."""
     figures: Figures = {}
     for floor in (0.0, 0.01, 0.1):
         run = simulated(("law.delta_floor", floor))

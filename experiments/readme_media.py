@@ -1,4 +1,4 @@
-"""The pictures of README.md: the contact force under both readings of the feed-forward, the robots driving, and what
+"""Pictures of README.md: the contact force under both readings of the feed-forward, the robots driving, and what
 tuned gains bring on robots that they were not tuned on (docs/tuned.toml, which ``coopmm tune sensed`` has written).
 
     python -m experiments.readme_media [--out docs]
@@ -31,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Write ``contact_force.png``, ``robots.gif`` and ``tuning.png``.
 
     Args:
-        argv: the arguments; without them those of the process, which is then taken to run nothing else, so that XLA's
+        argv: the arguments; by default those of the process, which is then taken to run nothing else, so that XLA's
             options for fast compilation and the compilation cache are switched on.
 
     Returns:
@@ -58,7 +58,10 @@ def write_media(
     """Simulate, and write all pictures into a folder; they are there only when all are complete.
 
     Args:
-        force_time, robots_time, tuned_time: how much of a run each of them shows [s].
+        folder: for the pictures.
+        force_time: extent of the run whose contact force is shown [s].
+        robots_time: extent of the run that is filmed [s].
+        tuned_time: extent of the runs with tuned gains [s].
 
     Raises:
         UserError: the folder cannot be written.

@@ -1,4 +1,4 @@
-"""The simulation study of the paper's section IV: Figs. 3-10, a summary, a short table.
+"""Simulation study of the paper's section IV: Figs. 3-10, a summary, a short table.
 
     python -m experiments.reproduce_paper [--out results/paper] [--duration 20]
 
@@ -74,7 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the study.
 
     Args:
-        argv: the arguments; without them those of the process, which is then taken to run nothing else, so that XLA's
+        argv: the arguments; by default those of the process, which is then taken to run nothing else, so that XLA's
             options for fast compilation and the compilation cache are switched on.
 
     Returns:
@@ -101,7 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def write_results(folder: Path, runs: Runs, analysis: Analysis) -> None:
-    """Figs. 3-10, the scenarios, and ``summary.json``."""
+    """Write Figs. 3-10, the scenarios, and ``summary.json``."""
     for name, (caption, draw) in FIGURES.items():
         figure = draw(runs)
         plotting.caption(figure, caption)
@@ -120,7 +120,7 @@ def write_results(folder: Path, runs: Runs, analysis: Analysis) -> None:
 
 
 def table(runs: Runs, analysis: Analysis) -> str:
-    """What a person wants to know first, one line each."""
+    """Table of the metrics that a reader wants first, and of the stability analysis, one line each."""
     width = max(map(len, SHOWN))
     lines = [f"{'feed-forward':{width}}" + "".join(f"{reading:>12}" for reading in runs)]
     for name in SHOWN:
@@ -150,7 +150,7 @@ def _simulate(duration: float) -> Runs:
 
 
 def _outcome(runs: Runs) -> int:
-    """The exit code; what failed goes to stderr."""
+    """Exit code; a failure is reported on stderr."""
     failed = {reading: run for reading, run in runs.items() if not run.ok}
     for reading, run in failed.items():
         ending = f"{run.status.name} at t = {run.status_time:g} s: {run.status.message}"

@@ -44,10 +44,10 @@ def make_experiments_small():
     tuners._compile = lambda search, robots: (tuner_problem.Clock(0.0, 0.0),) * 2  # likewise
 
 
-def _traced(name, precision, lanes, steps, function, *arguments):
-    if lanes == 1 and "gradient" not in name:  # the others take long even to trace, and differ in a vmap or a grad
+def _traced(name, precision, elements, steps, function, *arguments):
+    if elements == 1 and "gradient" not in name:  # the others take long even to trace, and differ in a vmap or a grad
         jax.eval_shape(function, *arguments)
-    return rollout.Program(name, precision, lanes, steps, 0.0, 0.0, lambda: time.sleep(1e-4))
+    return rollout.Program(name, precision, elements, steps, 0.0, 0.0, lambda: time.sleep(1e-4))
 
 
 def run_command(text, more):

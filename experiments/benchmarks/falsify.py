@@ -1,4 +1,4 @@
-"""Does ``falsify`` find a sample at least as bad as the worst of 4,096 random ones, in a tenth of their rollouts?
+"""Test of ``falsify``: a sample at least as bad as the worst of 4,096 random ones, in a tenth of their rollouts.
 
     python -m experiments.benchmarks.falsify [--out results/benchmarks] [--samples 4096] [--seeds 5]
 
@@ -63,11 +63,11 @@ class Measurement(NamedTuple):
 
 
 def main() -> int:
-    """Measure; the exit code says whether every search kept its promise."""
+    """Measure; exit code 0 if every search kept its promise, else 1."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks"), help="folder for falsify.csv")
     parser.add_argument("--samples", type=int, default=4096, help="random ones (default %(default)d)")
-    parser.add_argument("--seeds", type=int, default=5, help="how many (default %(default)d)")
+    parser.add_argument("--seeds", type=int, default=5, help="number of seeds (default %(default)d)")
     options = parser.parse_args()
     print(" ".join(f"{name:>16}" for name in Measurement._fields))
     rows = []
@@ -98,7 +98,7 @@ def scenario(uncertainty: dict[str, Any] | None, seed: int) -> Scenario:
 
 
 def measure(scenario: Scenario, samples: int) -> Measurement:
-    """The search and the random samples on one scenario, whose programs are compiled before the clock starts."""
+    """Search and random samples on one scenario, whose programs are compiled before the clock starts."""
     problem = build_problem(scenario)
     random_costs(problem, 1)
     start = time.process_time()

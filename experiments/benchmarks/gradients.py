@@ -1,9 +1,9 @@
-"""Is the gradient right over the whole of a long run? Reverse mode against central differences, every tunable gain.
+"""Correctness of the gradient over the whole of a long run: reverse mode against central differences.
 
     python -m experiments.benchmarks.gradients [--duration 20] [--out results/benchmarks]
 
-The cost of ``sensed`` over 20 s by each gain that can be tuned, its entries moved as one. Differences of fourth order
-at several steps: with small ones rounding shows, with large ones curvature, so the best of them is what they can tell.
+Cost of ``sensed`` over 20 s, differentiated by each gain that can be tuned, its entries moved as one. The differences
+are of fourth order at several steps: small ones show rounding, large ones curvature, and the best of them counts.
 Writes gradients.csv.
 """
 
@@ -32,7 +32,7 @@ OFFSETS, WEIGHTS = np.array([-2.0, -1.0, 1.0, 2.0]), np.array([1.0, -8.0, 8.0, -
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Compare; the exit code says whether every derivative is within the limit."""
+    """Compare; exit code 0 if every derivative is within the limit, else 1."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--duration", type=float, default=20.0, help="of the rollout [s] (%(default)g)")
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks"), help="folder for gradients.csv")
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _problem(duration: float) -> tuple[Search, tuple[str, ...], evaluate.Samples]:
-    """The cost over the whole run, the gains, and one sample."""
+    """Cost over the whole run, gains, and one sample."""
     settings = {"gains": list(Bounds.model_fields), "channels": "shared", "horizon": duration}
     settings |= {"tracking_from": 0.0, "validation_samples": 1}
     problem = build_problem(load_scenario("sensed", simulation={"duration": duration}, tuning=settings))
@@ -64,12 +64,12 @@ def _problem(duration: float) -> tuple[Search, tuple[str, ...], evaluate.Samples
 
 
 def _reverse(search: Search, start: np.ndarray, samples: evaluate.Samples) -> np.ndarray:
-    """The derivative by every number (n,), by reverse mode."""
+    """Derivative by every number (n,), by reverse mode."""
     return evaluate.gradients(search.objective, start[None], samples, search.coefficients)[1][0, 0]
 
 
 def _differences(search: Search, start: np.ndarray, samples: evaluate.Samples, step: float) -> np.ndarray:
-    """Likewise, by differences."""
+    """Derivative by every number (n,), by differences."""
     moved = start + step * (OFFSETS[:, None, None] * np.eye(start.size)).reshape(-1, start.size)
     costs = search.values(moved, samples).reshape(len(OFFSETS), start.size)
     return WEIGHTS @ costs / step

@@ -1,10 +1,10 @@
-"""What a simulated second costs: the sampled loop against the continuous one, and each part of the real loop.
+"""CPU time of a simulated second: the sampled loop against the continuous one, and each part of the real loop.
 
     python -m experiments.benchmarks.loops [--out results/benchmarks] [--rounds 9]
 
 All programs are compiled and run once, and then timed in turn in the process's own CPU time, so that neither a busy
 machine nor one that slows down favours one of them; the table gives medians. "operations" are the jaxpr's scalar
-equations of one simulated millisecond, loops unrolled: a measure without noise of what XLA is given to do.
+equations of one simulated millisecond, loops unrolled: a measure, free of noise, of the work that XLA is given.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from coopmm_jax.loop.rollout import Plan, as_scalars, rollout
 from coopmm_jax.scenario.scenario import Scenario
 from experiments.benchmarks.rollout import print_table
 
-DURATIONS = {1: 20.0, 64: 1.0}  # lanes of a batch -> simulated time [s]
+DURATIONS = {1: 20.0, 64: 1.0}  # elements of a batch -> simulated time [s]
 IDEAL = "continuous, ideal"
 CONTINUOUS = {"loop.control_period": 0.0}
 
 
 def loops() -> dict[str, Scenario]:
-    """The loops compared: RK4 steps of 1 ms in all of them."""
+    """Loops that are compared, all with RK4 steps of 1 ms."""
     paper, sensed = load_scenario("paper"), load_scenario("sensed")
     return {
         IDEAL: paper,
@@ -51,38 +51,38 @@ def loops() -> dict[str, Scenario]:
 
 
 class Program(NamedTuple):
-    """One compiled loop and what a run of it amounts to."""
+    """One compiled loop and the extent of one run of it."""
 
     loop: str
-    lanes: int
-    seconds: float  # simulated, by each lane
-    operations: float  # of one lane in a simulated millisecond
+    elements: int  # of the batch
+    seconds: float  # simulated, by each element
+    operations: float  # of one element in a simulated millisecond
     run: Callable[[], Any]
 
 
-def compiled(loop: str, scenario: Scenario, lanes: int) -> Program:
-    """The loop for a batch of ``lanes`` rollouts."""
-    structure, step, seconds = scenario.structure(), scenario.sample_time, DURATIONS[lanes]
+def compiled(loop: str, scenario: Scenario, elements: int) -> Program:
+    """Loop for a batch of ``elements`` rollouts, compiled."""
+    structure, step, seconds = scenario.structure(), scenario.sample_time, DURATIONS[elements]
     steps = round(seconds / step)
     parameters = as_scalars(scenario.parameters(), jnp.float64)
 
-    plan = Plan.covering(round(seconds / step), packed=lanes == 1)
+    plan = Plan.covering(round(seconds / step), packed=elements == 1)
 
     def final(parameters: Any, steps: Any) -> Any:
         return rollout(structure, parameters, step, steps, plan).state
 
     # Of two horizons, so that the start's own operations drop out.
     one, two = (operations(lambda p, n=n: rollout(structure, p, step, n, Plan(1, n)).state, parameters) for n in (1, 2))
-    batched = final if lanes == 1 else jax.vmap(final, in_axes=(0, None))
-    arguments = parameters if lanes == 1 else jax.tree.map(lambda x: jnp.full(lanes, x), parameters)
+    batched = final if elements == 1 else jax.vmap(final, in_axes=(0, None))
+    arguments = parameters if elements == 1 else jax.tree.map(lambda x: jnp.full(elements, x), parameters)
     executable = jax.jit(batched).lower(arguments, steps).compile()
     return Program(
-        loop, lanes, seconds, 1e-3 / step * (two - one), lambda: jax.block_until_ready(executable(arguments, steps))
+        loop, elements, seconds, 1e-3 / step * (two - one), lambda: jax.block_until_ready(executable(arguments, steps))
     )
 
 
 def operations(function: Callable, *arguments: Any) -> int:
-    """Scalar equations of a function's jaxpr, each as often as its loops run it."""
+    """Number of scalar equations of a function's jaxpr, each counted as often as its loops run it."""
 
     def count(jaxpr: Any) -> int:
         total = 0
@@ -104,14 +104,14 @@ def measure(programs: Sequence[Program], rounds: int) -> list[dict[str, Any]]:
         for program, own in zip(programs, times, strict=True):
             start = time.process_time()
             program.run()
-            own.append((time.process_time() - start) / (program.lanes * program.seconds))
-    cost = {(p.loop, p.lanes): statistics.median(own) for p, own in zip(programs, times, strict=True)}
+            own.append((time.process_time() - start) / (program.elements * program.seconds))
+    cost = {(p.loop, p.elements): statistics.median(own) for p, own in zip(programs, times, strict=True)}
     return [
         {
             "loop": program.loop,
-            "rollouts": program.lanes,
-            "CPU ms per simulated s": round(1e3 * cost[program.loop, program.lanes], 4),
-            "ratio": round(cost[program.loop, program.lanes] / cost[IDEAL, program.lanes], 3),
+            "rollouts": program.elements,
+            "CPU ms per simulated s": round(1e3 * cost[program.loop, program.elements], 4),
+            "ratio": round(cost[program.loop, program.elements] / cost[IDEAL, program.elements], 3),
             "operations": round(program.operations),
         }
         for program in programs
@@ -125,7 +125,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=int, default=9)
     options = parser.parse_args(argv)
     with jax.enable_x64(True):
-        programs = [compiled(name, scenario, lanes) for lanes in DURATIONS for name, scenario in loops().items()]
+        programs = [compiled(name, scenario, elements) for elements in DURATIONS for name, scenario in loops().items()]
         rows = measure(programs, options.rounds)
     print_table(rows)
     options.out.mkdir(parents=True, exist_ok=True)

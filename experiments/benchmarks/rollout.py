@@ -1,4 +1,4 @@
-"""How fast the closed loop runs: RK4 steps per second, compile times, what a gradient costs.
+"""Speed of the closed loop: RK4 steps per second, compile times, cost of a gradient.
 
     python -m experiments.benchmarks.rollout [--out results/benchmarks] [--rounds 7]
 
@@ -29,17 +29,17 @@ from coopmm_jax.loop.rollout import Observer, Plan, as_scalars, rollout
 from coopmm_jax.parameters import Parameters, Structure
 
 STEP = 1e-3
-BATCH = 64  # lanes of a batch tile: fastest here; smaller ones loop more, larger ones leave the first-level cache
+BATCH = 64  # elements: fastest here; smaller batches loop more, larger ones leave the first-level cache
 GRADIENT_BATCH = 16  # the reverse pass has several times as many live values
 TUNED = ("K_sigma", "gamma", "K_lambda", "K_I")
 
 
 class Program(NamedTuple):
-    """One compiled program and what a run of it amounts to."""
+    """One compiled program and the extent of one run of it."""
 
     name: str
     precision: str
-    lanes: int
+    elements: int  # of the batch
     steps: int
     compile_seconds: float
     temporary_megabytes: float
@@ -60,22 +60,22 @@ def tuned_cost(structure: Structure, parameters: Parameters, steps: int, plan: P
     return cost
 
 
-def _compiled(name: str, precision: str, lanes: int, steps: int, function: Callable, *arguments: Any) -> Program:
+def _compiled(name: str, precision: str, elements: int, steps: int, function: Callable, *arguments: Any) -> Program:
     start = time.perf_counter()
     executable = jax.jit(function).lower(*arguments).compile()
     seconds = time.perf_counter() - start
     memory = executable.memory_analysis().temp_size_in_bytes / 1e6
     return Program(
-        name, precision, lanes, steps, seconds, memory, lambda: jax.block_until_ready(executable(*arguments))
+        name, precision, elements, steps, seconds, memory, lambda: jax.block_until_ready(executable(*arguments))
     )
 
 
-def _lanes(tree: Any, count: int) -> Any:
+def _batched(tree: Any, count: int) -> Any:
     return jax.tree.map(lambda x: jnp.broadcast_to(x, (count,)), tree)
 
 
 def forward_programs(precision: str) -> list[Program]:
-    """One rollout of 20 s and a tile of 1 s, in the scenario ``paper``."""
+    """One rollout of 20 s and a batch of 1 s, in the scenario ``paper``."""
     scenario = load_scenario("paper")
     structure, dtype = scenario.structure(), jnp.dtype(precision)
     parameters = as_scalars(scenario.parameters(), dtype)
@@ -88,23 +88,23 @@ def forward_programs(precision: str) -> list[Program]:
 
     return [
         _compiled("one rollout", precision, 1, 20000, lambda p: final(p, 20000, True), parameters),
-        _compiled("batch, one thread", precision, BATCH, 1000, batch, _lanes(parameters, BATCH)),
+        _compiled("batch, one thread", precision, BATCH, 1000, batch, _batched(parameters, BATCH)),
     ]
 
 
 def on_two_threads(program: Program) -> Program:
-    """The same executable on two tiles at once, as sweeps run it."""
+    """Same executable on two batches at once, as sweeps run it."""
     pool = ThreadPoolExecutor(2)
     return program._replace(
         name="batch, two threads",
-        lanes=2 * program.lanes,
+        elements=2 * program.elements,
         compile_seconds=0.0,
         run=lambda: list(pool.map(lambda _: program.run(), range(2))),
     )
 
 
 def gradient_programs() -> list[Program]:
-    """Cost, reverse-mode gradient and one forward-mode direction, of one rollout and of a tile, over 4 s.
+    """Cost, reverse-mode gradient and one forward-mode direction, of one rollout and of a batch, over 4 s.
 
     Each in the form that is fastest for it; the gradient with all steps kept, and with checkpoints.
     """
@@ -124,15 +124,15 @@ def gradient_programs() -> list[Program]:
     def along(gains: dict, parameters: Parameters) -> Any:
         return jax.jvp(lambda g: cost(kept)(g, parameters), (gains,), (gains,))
 
-    alone, tile = ("float64", 1, steps), ("float64", GRADIENT_BATCH, steps)
-    many = _lanes(parameters, GRADIENT_BATCH)
+    alone, batch = ("float64", 1, steps), ("float64", GRADIENT_BATCH, steps)
+    many = _batched(parameters, GRADIENT_BATCH)
     return [
         _compiled("cost", *alone, cost(kept), gains, parameters),
         _compiled("cost, one direction", *alone, along, gains, parameters),
         _compiled("gradient", *alone, jax.value_and_grad(cost(kept)), gains, parameters),
         _compiled("gradient, checkpoints", *alone, jax.value_and_grad(cost(checkpoints)), gains, parameters),
-        _compiled("cost, batch", *tile, mean(scalars), gains, many),
-        _compiled("gradient, batch", *tile, jax.value_and_grad(mean(checkpoints)), gains, many),
+        _compiled("cost, batch", *batch, mean(scalars), gains, many),
+        _compiled("gradient, batch", *batch, jax.value_and_grad(mean(checkpoints)), gains, many),
     ]
 
 
@@ -150,12 +150,12 @@ def measure(programs: Sequence[Program], rounds: int) -> list[dict[str, Any]]:
         {
             "program": program.name,
             "precision": program.precision,
-            "rollouts": program.lanes,
+            "rollouts": program.elements,
             "steps": program.steps,
             "compile [s]": round(program.compile_seconds, 1),
             "temporary [MB]": round(program.temporary_megabytes, 2),
             "run [s]": round(statistics.median(times), 5),
-            "steps per second": round(program.lanes * program.steps / statistics.median(times)),
+            "steps per second": round(program.elements * program.steps / statistics.median(times)),
         }
         for program, times in zip(programs, seconds, strict=True)
     ]
@@ -176,7 +176,7 @@ def all_gradient_programs() -> list[Program]:
         return gradient_programs()
 
 
-PARTS = {  # programs, and whether to compile for batches
+PARTS = {  # programs, and True for the compiler's options for batches
     "forward": (all_forward_programs, True),
     "gradients": (all_gradient_programs, False),
 }
@@ -189,13 +189,13 @@ def measure_part(name: str, rounds: int) -> list[dict[str, Any]]:
 
 
 def apart(batches: bool, function: Callable, *arguments: Any) -> Any:
-    """``function(*arguments)`` in a new process with fast compilation, for ``batches`` or not."""
+    """Result of ``function(*arguments)`` in a new process with fast compilation, for ``batches`` or not."""
     with ProcessPoolExecutor(1, get_context("spawn"), runtime.use_fast_compilation, (batches,)) as pool:
         return pool.submit(function, *arguments).result()
 
 
 def ratios(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """What a gradient costs in cost evaluations (scalars), alone and in a batch."""
+    """Times of gradients over those of cost evaluations (scalars), alone and in a batch."""
     run = {row["program"]: row["run [s]"] for row in rows if row["precision"] == "float64"}
     return {
         "gradient / cost": run["gradient"] / run["cost"],

@@ -1,4 +1,4 @@
-"""Time and memory of sweeps: is 4,096 times 20 s quick enough, and does memory stay where it is as samples grow?
+"""Time and memory of sweeps: 4,096 rollouts of 20 s against a limit, and memory as the number of samples grows.
 
     python -m experiments.benchmarks.sweep --out results/benchmarks
 
@@ -42,7 +42,7 @@ class Case(NamedTuple):
 
 
 class Measurement(NamedTuple):
-    """What it took."""
+    """Time and memory that a sweep took."""
 
     samples: int
     duration_s: float
@@ -57,7 +57,7 @@ SHORT_FIRST, FEW, MANY = Case(64, 1.0), Case(1000, 1.0), Case(100_000, 1.0)
 
 
 def main() -> int:
-    """Measure all cases; the exit code says whether all limits are kept."""
+    """Measure all cases; exit code 0 if all limits are kept, else 1."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks"), help="folder for sweep.csv")
     options = parser.parse_args()

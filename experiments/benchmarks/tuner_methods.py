@@ -1,4 +1,4 @@
-"""The tuners that are compared: every one is given a meter, the training robots and a seed, and notes its best gains.
+"""Tuners that are compared: every one is given a meter, the training robots and a seed, and notes its best gains.
 
 All search the same unconstrained numbers (see ``tuning.cost.gain_space``), from the same Sobol points between the same
 bounds; those that end before the budget does begin again from the next point. Our own draws robots as ``coopmm tune``
@@ -19,18 +19,18 @@ from tuning.search.method import Candidate
 
 Tuner = Callable[[Meter, Samples, int], None]
 # STARTS serves the local methods too. The rest is ours, for a budget smaller than what the defaults of [tuning] are
-# meant for: half the lanes, half the steps.
+# meant for: half the batch elements, half the steps.
 STARTS, RACE, SURVIVORS, LANES, STEPS, VALIDATION = 64, 4, 4, 32, 2, 16
 _DIFFERENCE = 1e-4  # step of finite differences, a factor on a gain
 _SPREAD = 1.5  # first standard deviation of CMA-ES: a factor of 4.5 on a gain
 
 
 class _Spent(Exception):
-    """The budget is used up: how to leave a library's optimiser."""
+    """Raised when the budget is used up, to leave a library's optimiser."""
 
 
 def _costs(meter: Meter, robots: Samples) -> Callable[[np.ndarray], np.ndarray]:
-    """Cost of candidates (C, n) on all training robots, the best so far noted."""
+    """Function that gives the costs of candidates (C, n) on all training robots and notes the best so far."""
     best = [np.inf]
 
     def costs(vectors: np.ndarray) -> np.ndarray:
@@ -46,7 +46,7 @@ def _costs(meter: Meter, robots: Samples) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def _local(minimise: Callable[[Callable, np.ndarray], object]) -> Tuner:
-    """A local method, begun again and again: from the starting gains with seed 0, else from Sobol points."""
+    """Tuner from a local method, begun again and again: from the starting gains with seed 0, else from Sobol points."""
 
     def tuner(meter: Meter, robots: Samples, seed: int) -> None:
         costs = _costs(meter, robots)

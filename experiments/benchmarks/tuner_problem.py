@@ -1,4 +1,4 @@
-"""The tuning problem that tuners are compared on: one cost, fixed sets of robots, and a meter of simulated steps.
+"""Tuning problem on which tuners are compared: one cost, fixed sets of robots, and a meter of simulated steps.
 
 The paper's loop with a force sensor that lags 5 ms, 64 robots with masses 20 % off and up to four times the paper's
 disturbance, 4 s, mean over the robots of the time average of
@@ -50,10 +50,10 @@ TRAINING, HELD_OUT, OWN = 0, 1_000_000, 2_000_000  # first indices of the sets; 
 
 
 class ComparisonObjective(Objective):
-    """The cost above; its terms go by the names of the tuner's own."""
+    """Cost above; its terms go by the names of the tuner's own."""
 
     def sample_terms(self, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
-        """One sample's terms at t [s], those that this cost does not have being zero."""
+        """Terms of one sample at t [s]; zero for those that this cost does not have."""
         desired = desired_motion(parameters.reference, t)
         tracking = 0.0 * t
         for p, d in zip(signals.position, desired, strict=True):
@@ -75,14 +75,14 @@ class ComparisonObjective(Objective):
 
 
 class Clock(NamedTuple):
-    """Wall time and CPU time of all cores [s]: others' work slows down the first alone."""
+    """Wall time and CPU time of all cores [s]: the work of others slows down the first alone."""
 
     wall: float
     cpu: float
 
     @classmethod
     def now(cls) -> Clock:
-        """Readings whose differences count."""
+        """Readings now, whose differences count."""
         return cls(time.perf_counter(), time.process_time())
 
     def __sub__(self, other: Clock) -> Clock:
@@ -90,7 +90,7 @@ class Clock(NamedTuple):
 
 
 class Improvement(NamedTuple):
-    """The best gains of a run so far, and what it took."""
+    """Best gains of a run so far, with the steps and the time taken."""
 
     steps: float  # simulated
     taken: Clock  # without compilation
@@ -100,13 +100,13 @@ class Improvement(NamedTuple):
 
 @dataclass
 class Meter:
-    """The search that every tuner is given: counts simulated steps and notes every improvement."""
+    """Search that every tuner is given; it counts simulated steps and notes every improvement."""
 
     search: Search
     budget: float  # [simulated steps]
     steps: float = 0.0
     clock: Clock = field(default_factory=lambda: Clock.now())
-    differentiated: bool = False  # whether gradients, which take a program of their own, have been asked for
+    differentiated: bool = False  # true once gradients, which take a program of their own, have been asked for
     trail: list[Improvement] = field(default_factory=list)
 
     def values(self, vectors: np.ndarray, samples: Samples) -> np.ndarray:
@@ -121,7 +121,7 @@ class Meter:
         return self.search.slopes(vectors, samples)
 
     def note(self, vector: np.ndarray) -> None:
-        """The vector (n,) of the best gains from here on; what was found beyond the budget does not count."""
+        """Note the vector (n,) of the best gains so far; findings beyond the budget do not count."""
         if self.steps > self.budget:
             return
         taken = Clock.now() - self.clock
@@ -129,12 +129,12 @@ class Meter:
 
     @property
     def spent(self) -> bool:
-        """Whether the budget is used up."""
+        """True once the budget is used up."""
         return self.steps >= self.budget
 
 
 def scenario(channels: str) -> Scenario:
-    """The problem's scenario; ``channels`` is shared (4 numbers) or separate (19)."""
+    """Scenario of the problem; ``channels`` is shared (4 numbers) or separate (19)."""
     return load_scenario(
         "paper",
         simulation={"duration": DURATION},
@@ -146,7 +146,7 @@ def scenario(channels: str) -> Scenario:
 
 
 def build(channels: str) -> tuple[Search, Samples, Samples]:
-    """The search, and the fixed sets of robots for training and for judging."""
+    """Search, and the fixed sets of robots for training and for judging."""
     chosen = scenario(channels)
     objective = ComparisonObjective.of(chosen, vary(chosen).structure(), DURATION)
     coefficients = np.array([COEFFICIENTS.get(name, 0.0) for name in TERMS])

@@ -1,11 +1,11 @@
-"""Is the tuner worth its name? The same cost, robots and budget for ours and for five others, with five seeds each.
+"""Comparison of tuners: the same cost, robots and budget for ours and for five others, with five seeds each.
 
     python -m experiments.benchmarks.tuners [--out results/benchmarks]
 
-Judged is the mean cost over held-out robots (``tuner_problem``), against simulated steps, a gradient counted as what it
-costs, and against time, compilation included: CPU time in the picture, which does not depend on others' work. Writes
-tuners.csv, row by row as runs end, and tuners.png. Needs the extra ``bench``. All of it takes about half an hour on two
-cores; ``--tuners``, ``--problems`` and ``--seeds`` choose.
+The measure is the mean cost over held-out robots (``tuner_problem``), against simulated steps, with a gradient counted
+as the rollouts that it costs, and against time, compilation included: CPU time in the picture, as it does not depend on
+the work of others. Writes tuners.csv, row by row as runs end, and tuners.png. Needs the extra ``bench``. It takes half
+an hour on two cores; ``--tuners``, ``--problems`` and ``--seeds`` choose.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from experiments.benchmarks.tuner_problem import ROBOTS, Clock, Meter, build
 from tuning.cost.evaluate import Samples
 from tuning.search.method import Search
 
-# problem -> (what it is, evaluations on all training robots that a tuner may spend)
+# problem -> (description, evaluations on all training robots that a tuner may spend)
 PROBLEMS = {"shared": ("4 shared gains", 40), "separate": ("19 gains", 60)}
 SEEDS = 5
 COSTS = (0.5, 60.0)  # drawn; gains under which rollouts fail cost up to two million
@@ -73,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def measure(problems: Iterable[str], tuners: Sequence[str], seeds: range) -> Iterable[Judgement]:
-    """All runs, one improvement after the other."""
+    """Judgements of all runs, one improvement after the other."""
     for problem in problems:
         search, training, held_out = build(problem)
         compiling = _compile(search, training)
@@ -86,7 +86,7 @@ def measure(problems: Iterable[str], tuners: Sequence[str], seeds: range) -> Ite
 
 
 def _compile(search: Search, robots: Samples) -> tuple[Clock, Clock]:
-    """Compile; the time that takes without and with gradients."""
+    """Compile; time taken without and with gradients."""
     start, began = search.objective.space.start[None], Clock.now()
     search.values(start, robots)
     without = Clock.now() - began
@@ -111,7 +111,7 @@ def _judged(
 
 
 def table(rows: Sequence[Judgement]) -> str:
-    """Final held-out costs, and the steps to the best baseline's median."""
+    """Table of final held-out costs, and of the steps to the best baseline's median."""
     head = f"{'problem':10} {'tuner':20} {'median':>8} {'worst':>8} {'best':>8}"
     lines = [f"{head}   [M steps] to the best baseline's median, by seed"]
     for problem in dict.fromkeys(row.problem for row in rows):
@@ -159,7 +159,7 @@ def curves(rows: Sequence[Judgement]) -> Figure:
 
 
 def _series(rows: Sequence[Judgement], problem: str, tuner: str, against: str) -> tuple[np.ndarray, np.ndarray]:
-    """What every seed (S, G) has reached at grid points (G,), from where all of them have something to show."""
+    """Best cost so far of every seed (S, G) at grid points (G,), from the first point that all of them have."""
     own = [row for row in rows if (row.problem, row.tuner) == (problem, tuner)]
     runs = [[row for row in own if row.seed == seed] for seed in dict.fromkeys(row.seed for row in own)]
     if not runs:
