@@ -11,11 +11,35 @@ below are fetched when they are first used.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from coopmm_jax import runtime
 
+if TYPE_CHECKING:  # for editors; at run time ``__getattr__`` fetches each of them from the same place
+    from coopmm_jax.animation.film import animate
+    from coopmm_jax.errors import UserError
+    from coopmm_jax.runs.simulation import simulate
+    from coopmm_jax.runs.store import read_run
+    from coopmm_jax.runs.trajectory import Trajectory
+    from coopmm_jax.scenario.scenario import Scenario, list_scenarios, load_scenario
+    from coopmm_jax.status import Status
+    from coopmm_jax.sweeps.replay import replay
+    from coopmm_jax.sweeps.run import sweep
+
 __version__ = "0.2.0"
+__all__ = [
+    "Scenario",
+    "Status",
+    "Trajectory",
+    "UserError",
+    "animate",
+    "list_scenarios",
+    "load_scenario",
+    "read_run",
+    "replay",
+    "simulate",
+    "sweep",
+]
 
 # No module may have the name of a function here: importing it would put the module in the function's place.
 _MODULE_OF = {
@@ -31,7 +55,6 @@ _MODULE_OF = {
     "simulate": "runs.simulation",
     "sweep": "sweeps.run",
 }
-__all__ = list(_MODULE_OF)
 
 runtime.use_small_while_loops()
 
@@ -43,4 +66,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted([*__all__, "__version__"])

@@ -1,16 +1,32 @@
 """The names a notebook uses."""
 
+import ast
 import pkgutil
+from importlib import import_module
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 
 import coopmm_jax
+import tuning
 
 
 def test_public_names_are_what_they_say():
     assert all(callable(getattr(coopmm_jax, name)) for name in coopmm_jax.__all__)
-    assert set(coopmm_jax.__all__) <= set(dir(coopmm_jax))
+    assert dir(coopmm_jax) == sorted([*coopmm_jax.__all__, "__version__"])
+
+
+@pytest.mark.parametrize("package", [coopmm_jax, tuning])
+def test_editors_are_told_the_names_that_are_fetched_when_used(package):
+    """The imports for type checkers alone are those that ``__getattr__`` makes."""
+    tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    told = {alias.name: node.module for node in block.body for alias in node.names}
+    assert sorted(told) == package.__all__
+    assert {name: getattr(package, name) for name in told} == {
+        name: getattr(import_module(module), name) for name, module in told.items()
+    }
 
 
 def test_no_module_takes_a_functions_name():
