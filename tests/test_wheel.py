@@ -1,0 +1,83 @@
+"""The wheel, installed where no checkout can be imported: its files, and the command ``coopmm`` that it brings."""
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+from zipfile import ZipFile
+
+import jax
+import pytest
+
+import coopmm_jax
+
+ROOT = Path(__file__).parent.parent
+LEFTOVERS = shutil.ignore_patterns(".*", "__pycache__", "build", "dist", "results", "*.egg-info")
+
+
+def run(*words, cwd=None):
+    """What a program prints in an environment that does not point to the checkout."""
+    own = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(
+        [str(word) for word in words], cwd=cwd, env=inherited | own, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("wheel")
+
+
+@pytest.fixture(scope="module")
+def wheel(folder):
+    """Built from a copy, as a build folder left in the tree would add modules that are no more."""
+    shutil.copytree(ROOT, folder / "source", ignore=LEFTOVERS)
+    options = ("--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--wheel-dir", folder)
+    run(sys.executable, "-m", "pip", "wheel", *options, folder / "source")
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def programs(folder, wheel):
+    """The programs of a new environment with the wheel, which borrows its dependencies from this one."""
+    environment = folder / "environment"
+    venv.create(environment, symlinks=True)
+    python = environment / "bin" / "python"
+    run(sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-index", "--no-deps", wheel)
+    (packages,) = environment.glob("lib/python*/site-packages")
+    # The folders are searched for modules, but the .pth files in them, the checkout's for one, are not read.
+    borrowed = dict.fromkeys(sysconfig.get_path(name) for name in ("purelib", "platlib"))
+    (packages / "borrowed.pth").write_text("\n".join(borrowed), encoding="utf-8")
+    return environment / "bin"
+
+
+def test_wheel_holds_both_packages_with_their_data_and_nothing_else(folder, wheel):
+    source = folder / "source"
+    files = [path for package in ("coopmm_jax", "tuning") for path in (source / package).rglob("*") if path.is_file()]
+    with ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+    assert names == {path.relative_to(source).as_posix() for path in files}
+    kinds = {"coopmm_jax/py.typed", "tuning/py.typed", "coopmm_jax/scenarios/paper.toml"}
+    assert names > kinds | {"coopmm_jax/animation/player.html"}
+
+
+def test_modules_come_from_the_wheel(folder, programs):
+    code = "import coopmm_jax, tuning; print(coopmm_jax.__file__, tuning.__file__, sep='\\n')"
+    found = run(programs / "python", "-c", code, cwd=folder).splitlines()
+    assert all(Path(file).is_relative_to(folder / "environment") for file in found), found
+
+
+def test_command_runs_away_from_the_checkout(folder, programs):
+    assert run(programs / "coopmm", "--version", cwd=folder) == f"coopmm {coopmm_jax.__version__}\n"
+    assert "sensed" in run(programs / "coopmm", "scenarios", cwd=folder)
+    out = run(programs / "coopmm", "simulate", "paper", "--simulation.duration", "0.01", "--out", "run", cwd=folder)
+    assert "contact" in out  # among the metrics
+    assert (folder / "run" / "overview.png").stat().st_size > 0
+    assert "--adversarial" in run(programs / "coopmm", "tune", "--help", cwd=folder)
