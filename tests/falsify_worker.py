@@ -1,4 +1,4 @@
-"""What only real rollouts can show of falsify, as JSON: run by test_falsify.py in a process of its own.
+"""Results of falsify that only real rollouts can show, as JSON: run by test_falsify.py in a process of its own.
 
 Of its own for the reason that ``gradient_worker`` gives.
 """

@@ -26,7 +26,7 @@ VALUE = re.compile(r"^(\S.*?) +# (-?\d+(?:\.\d+)?) ")  # a line of Python with w
 
 
 def make_experiments_small():
-    """Where no option makes an experiment small: shorter, fewer, or traced without being compiled."""
+    """Make small the experiments that no option makes so: shorter, fewer, or traced without being compiled."""
     times = {"force_time": 0.2, "robots_time": 0.2, "tuned_time": 0.02}
     readme_media.write_media = functools.partial(readme_media.write_media, **times)
     rollout._compiled = _traced

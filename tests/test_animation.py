@@ -53,12 +53,12 @@ def shortened(run, samples):
 
 
 def pixels(picture, colour, within=0):
-    """How many pixels of a picture have a colour, as the colour itself or but for some of 255 in each channel."""
+    """Number of pixels of a picture that have a colour, as the colour itself or but for some of 255 in each channel."""
     return int((np.abs(picture - np.array(colour)) <= within).all(axis=-1).sum())
 
 
 def words(views, k):
-    """What the readouts say at frame k."""
+    """Words of the readouts at frame k."""
     readouts = [view for view in views if isinstance(view, stage.Readout)]
     for readout in readouts:
         readout.show(k)

@@ -110,7 +110,7 @@ def test_least_equivalent_force(case):
 
 
 def test_heights_that_are_held_drive_nothing(case):
-    """What the loop's speed rests on: one drive for each robot in the full set, and no more than rows in any."""
+    """Basis of the loop's speed: one drive for each robot in the full set, and no more than rows in any."""
     held = {"contact_height", "guide_height"}
     driving = [name for name in case.rows if not (name in held and held <= set(case.rows))]
     assert len(case.reduction.R.rows) == len([name for name in driving if name != "guide_height"])

@@ -92,7 +92,7 @@ def test_numpys_whole_numbers_are_whole_numbers(scenario):
 
 
 def told(capsys, *arguments):
-    """What a command that is refused says, in one line and without "coopmm: error: "."""
+    """Message of a command that is refused, in one line and without "coopmm: error: "."""
     assert main(arguments) == 2
     out, err = capsys.readouterr()
     assert out == ""

@@ -1,4 +1,4 @@
-"""What the force sensor shows, and for which gains the force loop around it is stable."""
+"""Readings of the force sensor, and gains for which the force loop around it is stable."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ SENSED = load_scenario("sensed").structure()
 
 
 def shown(structure, forces, errors=None):
-    """What the sensor shows at the samples 0, 1, ... while the normal force is ``forces``."""
+    """Readings of the sensor at the samples 0, 1, ... while the normal force is ``forces``."""
     model = as_scalars(build_model(Parameters(hardware=Hardware(force_lag=LAG))), float)
     devices, values = initial_devices(structure, 0.0), []
     for force, error in zip(forces, errors if errors is not None else [None] * len(forces), strict=True):
@@ -95,7 +95,7 @@ def runs():
 
 
 def test_sensor_in_the_loop_follows_the_contact_forces(runs):
-    """What the controller took in, from the steps of its integral, is the lag of the recorded forces."""
+    """Force that the controller took in, from the steps of its integral, is the lag of the recorded forces."""
     signals, period = runs["sensed"].signals, 1e-3
     desired = np.array(signals.constraint_force) - np.array(signals.force_error)
     taken_in = desired[:, :-1] + np.diff(np.array(signals.memory.force_integral)) / period

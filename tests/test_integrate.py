@@ -63,7 +63,7 @@ def test_checkpoints_change_no_bit_of_value_or_gradient():
 
 def test_checkpoints_keep_the_state_of_each_segment_only():
     def kept(checkpoint):
-        """How many numbers the reverse pass is handed."""
+        """Number of values that the reverse pass is handed."""
         pull = jax.vjp(lambda x: final(x, checkpoint), 1.3)[1]
         return sum(np.size(leaf) for leaf in jax.tree.leaves(pull))
 

@@ -137,7 +137,7 @@ def test_figures_of_the_paper(simulated_paper):
 
 
 def sample(force, wheel, position_error=0.0):
-    """What ``metrics`` reads of the signals, for robots on their references at t = 0 but for z2 of robot I."""
+    """Signals as far as ``metrics`` reads them, for robots on their references at t = 0 but for z2 of robot I."""
     reference = Parameters().reference
     position = [
         SimpleNamespace(z1=0.0, z2=radius, z3=0.0, a1=centre - swing)

@@ -1,4 +1,4 @@
-"""What the READMEs tell a reader to type works: every command, at small size, and every block of Python."""
+"""Commands and code that the READMEs tell a reader to type: every command, at small size, and every block of Python."""
 
 import json
 import os

@@ -144,7 +144,7 @@ def test_noise_of_a_run_depends_on_its_seed_and_stream_alone(runs):
 
 
 def test_noise_reaches_the_force_sensor(rough):
-    """What the controller took in, from the steps of its integral, is the lag of force plus the noise of its sample."""
+    """Force taken in, from the steps of the controller's integral: the lag of force plus the noise of its sample."""
     signals, steps = rough.run.signals, 20
     desired = np.array([15.0, 0.0, 0.0, 0.0])
     shown = desired + np.diff(np.array(signals.memory.force_integral).T[: steps + 2], axis=0) / PERIOD

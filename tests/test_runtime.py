@@ -17,7 +17,7 @@ MULTI_OUTPUT = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion=true
 
 
 def in_new_process(code: str, **environment: str) -> str:
-    """What ``code`` prints in a Python of its own, without this process's XLA options."""
+    """Output of ``code`` in a Python of its own, without this process's XLA options."""
     clean = {name: value for name, value in os.environ.items() if name not in ("XLA_FLAGS", "COOPMM_NO_XLA_OPTIONS")}
     command = [sys.executable, "-W", "error", "-c", code]
     done = subprocess.run(command, env=clean | environment, capture_output=True, text=True, check=False)

@@ -1,4 +1,4 @@
-"""What a sweep says: statistics, report, figures, one of its samples again."""
+"""Results of a sweep: statistics, report, figures, one of its samples again."""
 
 import html
 import re

@@ -1,4 +1,4 @@
-"""What a trajectory shows of itself in a notebook."""
+"""Trajectory as a notebook shows it."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""What a tuning's result shows of itself in a notebook."""
+"""Result of a tuning as a notebook shows it."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What varies in a scenario: values, points of the unit cube, parameters of samples, messages."""
+"""Variation of a scenario: values, points of the unit cube, parameters of samples, messages."""
 
 import jax
 import numpy as np

@@ -19,7 +19,7 @@ LEFTOVERS = shutil.ignore_patterns(".*", "__pycache__", "build", "dist", "result
 
 
 def run(*words, cwd=None):
-    """What a program prints in an environment that does not point to the checkout."""
+    """Output of a program in an environment that does not point to the checkout."""
     own = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run(

@@ -28,13 +28,13 @@ def environment(shipped: bool = False) -> dict[str, str]:
 
 
 def start_worker() -> None:
-    """What a worker does first."""
+    """Set up a worker before anything else."""
     runtime.use_fast_compilation()
     jax.config.update("jax_enable_x64", True)
 
 
 def run_worker(worker: ModuleType, *arguments: object) -> str:
-    """What ``python -m worker arguments`` prints; its failure is the test's."""
+    """Output of ``python -m worker arguments``; its failure is the test's."""
     command = [sys.executable, "-m", worker.__name__, *map(str, arguments)]
     done = subprocess.run(command, env=environment(), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -31,7 +31,7 @@ class Memory(NamedTuple):
 
 
 class Law(NamedTuple):
-    """What the motion controller computes at one instant."""
+    """Quantities that the motion controller computes at one instant."""
 
     sigma: np.ndarray  # (6,)
     nu_rate: np.ndarray  # (6,)

@@ -91,7 +91,7 @@ def driving_force(
 def power(
     parameters: Parameters, t: Scalar, q: jax.Array, u: jax.Array, torque: jax.Array, normal: Scalar
 ) -> jax.Array:
-    """What enters the robots' energy [W]: besides the driving force only the moving surface, -lambda_n dphi/dt."""
+    """Power into the robots' energy [W]: besides the driving force only the moving surface, -lambda_n dphi/dt."""
     rate, _ = surface_rates(parameters.plant, parameters.hardware, t)
     return driving_force(parameters, t, q, u, torque, normal) @ u - normal * rate
 

@@ -52,7 +52,7 @@ class Bodies(NamedTuple):
 
 
 def bodies(geometry: Geometry, q: jax.Array) -> Bodies:
-    """Where every body of one robot is at q (6,)."""
+    """Places of all bodies of one robot at q (6,)."""
     x, y, th, a1, a2, a3 = q
     up = jnp.array([0.0, 0.0, 1.0])
     axle = jnp.stack([x, y, jnp.zeros_like(x)])
