@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import enum
-from typing import NamedTuple
-
-import jax.numpy as jnp
-
-from coopmm_jax.algebra.matrix import Scalar
-from coopmm_jax.loop.closed_loop import Signals, State
 
 # Limits that no working loop comes near, reached long before anything overflows, so that the values handed to the next
 # step, and their gradients, are still finite.
 SPEED_LIMIT = 1e3  # [rad/s, m/s]
-MEMORY_LIMIT = 1e6  # controller states
+CONTROLLER_LIMIT = 1e6  # of the controller's states
 # Fraction of the starting determinant of J_dep's blocks below which an arm counts as singular.
 SINGULAR_FRACTION = 1e-2
 
@@ -37,35 +31,8 @@ class Status(enum.IntEnum):
 _MESSAGES = {
     Status.OK: "completed",
     Status.SPEED: f"a velocity u left +-{SPEED_LIMIT:g} (rad/s, m/s) or is not finite",
-    Status.CONTROLLER: f"a controller state (eta, c_hat or a force integral) left +-{MEMORY_LIMIT:g} or is not finite",
+    Status.CONTROLLER: f"a controller state (eta, c_hat or an integral) left +-{CONTROLLER_LIMIT:g} or is not finite",
     Status.SINGULAR_CONTACT: "arm of robot I became singular for its contact rows (determinant of J_dep)",
     Status.SINGULAR_GUIDE: "arm of robot II became singular for its guide rows (determinant of J_dep)",
     Status.UNREACHABLE: "no start configuration meets the constraint rows: an arm cannot reach its contact or guide",
 }
-
-
-class Health(NamedTuple):
-    """Status code of a running rollout and the step at which it left OK."""
-
-    status: Scalar
-    step: Scalar
-
-
-def within(values: tuple[Scalar, ...], limit: float) -> Scalar:
-    """Whether all scalars are finite and within +-limit (a comparison with NaN is false)."""
-    ok = jnp.abs(values[0]) < limit
-    for value in values[1:]:
-        ok = ok & (jnp.abs(value) < limit)
-    return ok
-
-
-def judge(proposed: State, signals: Signals, start_determinants: tuple[Scalar, ...]) -> Scalar:
-    """Status code (a scalar) of one step from the state it proposes and the signals at its start."""
-    memory = proposed.memory
-    states = (*memory.integral, *memory.eta, *memory.c_hat, *memory.force_integral)
-    code = jnp.where(within(states, MEMORY_LIMIT), Status.OK.value, Status.CONTROLLER.value)
-    code = jnp.where(within(proposed.velocity, SPEED_LIMIT), code, Status.SPEED.value)
-    singular = (Status.SINGULAR_CONTACT.value, Status.SINGULAR_GUIDE.value)
-    for now, start, which in zip(signals.determinants, start_determinants, singular, strict=False):
-        code = jnp.where(now / start > SINGULAR_FRACTION, code, which)
-    return code.astype(jnp.int32)

@@ -15,12 +15,15 @@ import jax
 import numpy as np
 
 from coopmm_jax import runtime
-from coopmm_jax.control.backstepping import backstepping_errors, chained_rates, reference_velocity
+from coopmm_jax.control.backstepping import backstepping_errors, reference_velocity
 from coopmm_jax.control.reference import Desired
 from coopmm_jax.loop.closed_loop import closed_loop
-from coopmm_jax.loop.rollout import as_scalars, initial_state
-from coopmm_jax.mechanics import partitioning, robot_kinematics
+from coopmm_jax.loop.rollout import as_scalars
+from coopmm_jax.loop.start import initial_state
+from coopmm_jax.mechanics import robot_kinematics
+from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.mechanics.robot_kinematics import chained_rates
 from coopmm_jax.parameters import PAPER_START, Gains, Geometry, Parameters, Structure
 from experiments import paper_runs
 
@@ -53,9 +56,7 @@ def start() -> Figures:
     with jax.enable_x64(True):
         parameters, structure = as_scalars(Parameters(), float), Structure()
         model = build_model(parameters)
-        printed = partitioning.kinematics(
-            model, structure.rows, tuple(map(robot_kinematics.chained, PAPER_START)), (0.0,) * 6
-        )
+        printed = kinematics(model, structure.rows, tuple(map(robot_kinematics.chained, PAPER_START)), (0.0,) * 6)
         state, residual, _ = initial_state(structure, model, parameters)
         _, signals = closed_loop(structure, model, parameters.gains.k0 * 0.0, state)
     return {

@@ -11,6 +11,7 @@ import numpy as np
 
 import coopmm_jax as cm
 from coopmm_jax.mechanics import partitioning
+from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.proof import lyapunov
 from coopmm_jax.proof import terms as proof_terms
@@ -45,7 +46,7 @@ def coupling_blocks() -> Figures:
     t, state = lyapunov.states_of(run, every=10)
     with jax.enable_x64(True):
         position, velocity = jax.tree.map(jnp.asarray, (state.position, state.velocity))
-        k = partitioning.kinematics(model, structure.rows, position, velocity)
+        k = kinematics(model, structure.rows, position, velocity)
         (L1, _), (J1, _) = partitioning.velocity_maps(k.reduction), k.reduction.rows.J
         dependent = k.reduction.part.dependent[0]
         block = np.array([[np.broadcast_to(x, t.shape) for x in L1.rows[joint][3:]] for joint in dependent])

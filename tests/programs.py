@@ -5,9 +5,9 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from coopmm_jax.loop.closed_loop import Signals, State
+from coopmm_jax.loop.health import Health
 from coopmm_jax.loop.rollout import Plan, rollout
-from coopmm_jax.status import Health
+from coopmm_jax.loop.state import Signals, State
 
 
 class Run(NamedTuple):

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coopmm_jax.mechanics.actuators import friction_torque, limited, smooth_sign
+from coopmm_jax.loop.devices import limited
+from coopmm_jax.mechanics.friction import friction_torque, smooth_sign
 from coopmm_jax.parameters import Hardware, Structure
 from tests import limits_worker
 from tests.oracles import hardware

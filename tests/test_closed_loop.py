@@ -6,11 +6,13 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax.control.motion import Memory
+from coopmm_jax.control.controller import ControllerState
 from coopmm_jax.control.reference import desired_motion
-from coopmm_jax.loop.closed_loop import State, closed_loop
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.state import State
+from coopmm_jax.mechanics.disturbance import disturbance_torque
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.mechanics.plant import DRIFT_RATE, disturbance_torque
+from coopmm_jax.mechanics.plant import DRIFT_RATE
 from coopmm_jax.parameters import ALL_ROWS, Disturbance, Parameters, Plant, Structure
 from tests.oracles import control_law, lagrangian
 from tests.samples import admissible, assert_close, poses, positions, random_inertia, random_pair
@@ -75,7 +77,7 @@ def test_figures_after_one_second(paper_run):
     ]
     np.testing.assert_allclose(coordinates(signals, 1000), expected, rtol=0, atol=1e-6)
     np.testing.assert_allclose(forces(signals, 1000), [-6.67759, 5.45729, -76.73173, 18.35874], rtol=2e-6)
-    c_hat = [x[1000] for x in signals.memory.c_hat]
+    c_hat = [x[1000] for x in signals.controller.c_hat]
     np.testing.assert_allclose(c_hat, [2.036303, 0.817932, 1.111726, 0.726273, 1.828628], rtol=2e-6)
     torque = [x[1000] for x in signals.torque[0]]
     np.testing.assert_allclose(torque, [16.8394, 2.1743, 1.4629, 0.1992, 1.4369], rtol=0, atol=1e-4)
@@ -155,7 +157,7 @@ def test_constraint_forces_do_no_work(paper_run):
 def test_compiled_loop_agrees_with_one_evaluated_operation_by_operation(paper_run, sample):
     at = jax.tree.map(lambda x: float(x[sample]), paper_run.signals)
     independent = (*at.velocity[0][:3], *at.velocity[1][:3])
-    state = State(at.position, independent, Memory(*at.memory))
+    state = State(at.position, independent, ControllerState(*at.controller))
     _, signals = closed_loop(Structure(), build_model(PAPER), float(paper_run.t[sample]), state)
     for mine, compiled in zip(jax.tree.leaves(signals), jax.tree.leaves(at), strict=True):
         assert float(mine) == pytest.approx(compiled, rel=1e-11, abs=1e-12)
@@ -167,9 +169,9 @@ def test_drift_off_the_constraints_decays():
     plant, q = random_pair(rng)
     _, u = admissible(ALL_ROWS, plant, q, rng)
     model = build_model(Parameters(plant=plant, nominal=(random_inertia(rng), random_inertia(rng))))
-    memory = Memory((0.0,) * 2, (0.0,) * 2, (1.0,) * 5, (0.0,) * 4)
+    controller = ControllerState((0.0,) * 2, (0.0,) * 2, (1.0,) * 5, (0.0,) * 4)
     independent = tuple(u[control_law.INDEPENDENT].tolist())
-    rates, _ = closed_loop(Structure(), model, 0.0, State(positions(q), independent, memory))
+    rates, _ = closed_loop(Structure(), model, 0.0, State(positions(q), independent, controller))
     u_of_rates = np.array([float(x) for r in rates.position for x in (r.z1, r.z3, *r[3:])])
     phi, J, _ = lagrangian.constraint_terms(plant, ALL_ROWS, q, u)
     assert np.abs(phi).min() > 1e-2

@@ -5,18 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coopmm_jax.algebra.matrix import (
-    Matrix,
-    cholesky_solve,
-    congruence,
-    dot,
-    inverse_small,
-    minus,
-    norm,
-    plus,
-    scaled,
-    sincos,
-)
+from coopmm_jax.algebra.matrix import Matrix, cholesky_solve, congruence, dot, inverse_small, minus, norm, plus, scaled
+from coopmm_jax.algebra.sincos import sincos
 from tests.samples import assert_close, vector
 
 

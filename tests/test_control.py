@@ -7,12 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coopmm_jax.control import adaptive, backstepping, force, motion, reference
-from coopmm_jax.loop.closed_loop import State, closed_loop
-from coopmm_jax.mechanics import partitioning
+from coopmm_jax.control import adaptive, backstepping, force, reference
+from coopmm_jax.control.controller import ControllerState, motion_control
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.state import State
+from coopmm_jax.mechanics.constrained_kinematics import kinematics
+from coopmm_jax.mechanics.disturbance import disturbance_torque
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.mechanics.plant import disturbance_torque
-from coopmm_jax.mechanics.robot_kinematics import Position
+from coopmm_jax.mechanics.robot_kinematics import Position, chained_rates
 from coopmm_jax.parameters import ALL_ROWS, Disturbance, Gains, Parameters, Reference, Structure
 from tests.oracles import control_law, lagrangian
 from tests.samples import admissible, assert_close, joined, positions, random_inertia, random_pair, vector
@@ -49,19 +51,19 @@ class Case:
             reference=Reference(1.3, (2.4, 1.0), (1.5, 1.6), (0.5, 0.2), 0.8, 12.0),
         )
         self.terms, self.u = admissible(ALL_ROWS, plant, self.q, rng)
-        self.memory = control_law.Memory(*(rng.uniform(0.2, 1.0, n) for n in (2, 2, 5, 4)))
+        self.controller = control_law.ControllerState(*(rng.uniform(0.2, 1.0, n) for n in (2, 2, 5, 4)))
         self.model = build_model(self.parameters)
         self.independent = tuple(self.u[control_law.INDEPENDENT].tolist())
         self.state = State(
-            positions(self.q), self.independent, motion.Memory(*(tuple(m.tolist()) for m in self.memory))
+            positions(self.q), self.independent, ControllerState(*(tuple(m.tolist()) for m in self.controller))
         )
 
     def simulated_command(self, law):
-        k = partitioning.kinematics(self.model, ALL_ROWS, self.state.position, self.independent)
-        return motion.motion_control(law, self.model, T, k, self.independent, self.state.memory)
+        k = kinematics(self.model, ALL_ROWS, self.state.position, self.independent)
+        return motion_control(law, self.model, T, k, self.independent, self.state.controller)
 
     def expected_command(self, law):
-        return control_law.motion_control(law, self.parameters, T, self.q, self.u, self.memory)
+        return control_law.motion_control(law, self.parameters, T, self.q, self.u, self.controller)
 
 
 @pytest.fixture(scope="module", params=[(0, 0.0), (1, 0.0), (2, 0.8)], ids=["0", "1", "floor"])
@@ -92,7 +94,7 @@ def along_the_motion(function, gains, seed):
     desired = curved_motion(T)
     z = backstepping.reference_velocity(gains, desired, position, (position.a1,), eta)
     u = [float(a + b) for a, b in zip(z, utilde, strict=True)]
-    rates = Position(*backstepping.chained_rates(position, u[0], u[1]), u[2], 0.0, 0.0)
+    rates = Position(*chained_rates(position, u[0], u[1]), u[2], 0.0, 0.0)
     eta_rate = backstepping.eta_rate(gains, desired, position, eta)
 
     def at(t, position, eta):
@@ -170,7 +172,7 @@ def test_filtered_error_dynamics(law):
     model = build_model(parameters)
     flow = closed_loop(law, model, T, case.state)[0]
     sigma, rate = jax.jvp(lambda t, state: closed_loop(law, model, t, state)[1].sigma, (T, case.state), (1.0, flow))
-    command = control_law.motion_control(law, parameters, T, case.q, case.u, case.memory)
+    command = control_law.motion_control(law, parameters, T, case.q, case.u, case.controller)
     Mr, _ = lagrangian.reduced_terms(ALL_ROWS, case.terms)
     L, _ = lagrangian.velocity_basis(ALL_ROWS, case.terms)
     D = L.T @ case.terms.B @ np.tile(vector(disturbance_torque(parameters.disturbance, T)), 2)
@@ -275,11 +277,11 @@ def test_commanded_torque_gives_the_force_it_was_computed_from(case, law):
 
     gains, desired = case.parameters.gains, np.array([12.0, 0.0, 0.0, 0.0])
     error = lam - desired
-    lambda_h = desired - np.array(gains.K_lambda) * error - np.array(gains.K_I) * case.memory.force_integral
+    lambda_h = desired - np.array(gains.K_lambda) * error - np.array(gains.K_I) * case.controller.force_integral
     expected = case.expected_command(law).force - case.terms.J.T @ lambda_h
     assert_close(case.terms.B @ torque, expected, 5e-14)
     assert_close(vector(signals.force_error), error, 5e-14)
-    assert_close(vector(rates.memory.force_integral), error, 5e-14)
+    assert_close(vector(rates.controller.force_integral), error, 5e-14)
 
 
 def test_disturbance_torque():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from coopmm_jax.mechanics import constrained_dynamics, constraints, partitioning
+from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from tests.oracles import lagrangian
 from tests.samples import (
     ROW_SETS,
@@ -31,7 +32,7 @@ class Case:
         independent = [i for i in range(10) if i not in lagrangian.dependent_joints(rows)]
         self.model = model_of(self.plant)
         u1 = tuple(self.u[independent].tolist())
-        self.kinematics = partitioning.kinematics(self.model, rows, positions(self.q), u1)
+        self.kinematics = kinematics(self.model, rows, positions(self.q), u1)
         self.reduction = self.kinematics.reduction
 
     def simulators_L(self):

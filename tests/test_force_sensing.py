@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from coopmm_jax.loop.closed_loop import State, closed_loop
-from coopmm_jax.loop.rollout import as_scalars, initial_state
-from coopmm_jax.loop.sampled_loop import Noise, initial_devices, sense
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.devices import Noise, initial_devices, sense
+from coopmm_jax.loop.rollout import as_scalars
+from coopmm_jax.loop.start import initial_state
+from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import Hardware, Parameters, Structure
 from coopmm_jax.scenario.scenario import load_scenario
@@ -59,10 +61,10 @@ def test_ideal_sensor_shows_the_force_its_own_torque_causes_with_its_bias(furthe
     parameters, structure = as_scalars(Parameters(hardware=hardware), float), Structure(features=features)
     model = build_model(parameters)
     state, *_ = initial_state(structure, model, parameters)
-    moving = State(state.position, tuple(0.1 * k for k in range(6)), state.memory, state.devices)
+    moving = State(state.position, tuple(0.1 * k for k in range(6)), state.controller, state.devices)
     rates, signals = closed_loop(structure, model, 0.3, as_scalars(moving, float))
     expected = np.array(signals.force_error) + 2.5
-    np.testing.assert_allclose(np.array(rates.memory.force_integral), expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.array(rates.controller.force_integral), expected, rtol=0, atol=1e-12)
 
 
 LAG_BOUND = (1.0 + KEEP) / (1.0 - KEEP)
@@ -98,7 +100,7 @@ def test_sensor_in_the_loop_follows_the_contact_forces(runs):
     """Force that the controller took in, from the steps of its integral, is the lag of the recorded forces."""
     signals, period = runs["sensed"].signals, 1e-3
     desired = np.array(signals.constraint_force) - np.array(signals.force_error)
-    taken_in = desired[:, :-1] + np.diff(np.array(signals.memory.force_integral)) / period
+    taken_in = desired[:, :-1] + np.diff(np.array(signals.controller.force_integral)) / period
     keep, expected = np.exp(-period / 5e-3), [np.zeros(4)]
     for force in np.array(signals.constraint_force).T[:-2]:
         expected.append(keep * expected[-1] + (1 - keep) * force)

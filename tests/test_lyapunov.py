@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax.control.motion import Memory
+from coopmm_jax.control.controller import ControllerState
 from coopmm_jax.errors import UserError
-from coopmm_jax.loop.closed_loop import State, closed_loop
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import ALL_ROWS, Disturbance, Gains, Inertia, Parameters, Plant, Reference, Structure
@@ -38,8 +39,10 @@ def random_states(seed, at=None):
         Position(t + around(0.0)[0], *around(radius, 0.0, *arm))
         for radius, arm in ((2.4, (1.2, -0.7, 1.5)), (1.0, (1.57, 2.1, 2.1)))
     )
-    memory = Memory(around(0.0, 0.0), around(0.0, 0.0), around(*(1.0,) * 5, width=0.9), around(*(0.0,) * 4))
-    return t, State(position, around(1.0, 0.0, 0.0, 1.0, 0.0, 0.0), memory)
+    controller = ControllerState(
+        around(0.0, 0.0), around(0.0, 0.0), around(*(1.0,) * 5, width=0.9), around(*(0.0,) * 4)
+    )
+    return t, State(position, around(1.0, 0.0, 0.0, 1.0, 0.0, 0.0), controller)
 
 
 def terms_of(parameters, seed=0, structure=CORRECTED):

@@ -146,7 +146,7 @@ def sample(force, wheel, position_error=0.0):
     position[0].z2 += position_error
     return SimpleNamespace(
         position=position,
-        memory=SimpleNamespace(c_hat=(1.0, 2.0)),
+        controller=SimpleNamespace(c_hat=(1.0, 2.0)),
         constraint_force=(force,),
         force_error=(force - 15.0,),
         torque=((wheel, 0.0, 0.0, 0.0, 0.0), (0.0,) * 5),

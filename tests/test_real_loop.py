@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from coopmm_jax.control.reference import desired_motion
+from coopmm_jax.loop.devices import draw_noise
 from coopmm_jax.loop.rollout import as_scalars
-from coopmm_jax.loop.sampled_loop import draw_noise
 from coopmm_jax.mechanics import robot_kinematics
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import ALL_ROWS, Parameters
@@ -147,7 +147,7 @@ def test_noise_reaches_the_force_sensor(rough):
     """Force taken in, from the steps of the controller's integral: the lag of force plus the noise of its sample."""
     signals, steps = rough.run.signals, 20
     desired = np.array([15.0, 0.0, 0.0, 0.0])
-    shown = desired + np.diff(np.array(signals.memory.force_integral).T[: steps + 2], axis=0) / PERIOD
+    shown = desired + np.diff(np.array(signals.controller.force_integral).T[: steps + 2], axis=0) / PERIOD
     keep = np.exp(-PERIOD / rough.parameters.hardware.force_lag)
     arrived = (shown[1:] - keep * shown[:-1]) / (1 - keep)
     model, structure = build_model(as_scalars(rough.parameters, float)), SCENARIOS["rough"].structure()

@@ -36,7 +36,7 @@ def test_horizon_may_be_shorter_than_the_plan(program, paper_run):
     short = program(PAPER, steps=1000)
     at_end = jax.tree.map(lambda x: x[1000], paper_run.signals)
     assert np.array_equal(numbers(short.state.position), numbers(at_end.position))
-    assert np.array_equal(numbers(short.state.memory), numbers(at_end.memory))
+    assert np.array_equal(numbers(short.state.controller), numbers(at_end.controller))
     for mine, longer in zip(jax.tree.leaves(short.signals), jax.tree.leaves(paper_run.signals), strict=True):
         assert np.array_equal(mine, longer[:1001])
     assert np.array_equal(short.t, np.arange(1001) * 1e-3)

@@ -9,12 +9,14 @@ import pytest
 from scipy import stats
 from scipy.integrate import solve_ivp
 
+from coopmm_jax.loop.devices import draw_noise
 from coopmm_jax.loop.form import Scalars
 from coopmm_jax.loop.integrate import rk4_hold
-from coopmm_jax.loop.rollout import as_scalars, initial_state
-from coopmm_jax.loop.sampled_loop import draw_noise, sampled_step
+from coopmm_jax.loop.rollout import as_scalars
+from coopmm_jax.loop.sampled_loop import sampled_step
+from coopmm_jax.loop.start import initial_state
+from coopmm_jax.mechanics.disturbance import disturbance_torque
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.mechanics.plant import disturbance_torque
 from coopmm_jax.parameters import ALL_ROWS, Hardware, Parameters, Structure
 from coopmm_jax.scenario.scenario import load_scenario
 from tests.oracles import lagrangian
@@ -30,11 +32,11 @@ NOISY = DELAYED._replace(features=("noise",))
 
 
 def orders(sizes, runs, exact):
-    """Orders of convergence of motion, controller's memory and constraint forces at the end: slopes of log error."""
+    """Orders of convergence of motion, controller's state and constraint forces at the end: slopes of log error."""
 
     def at_end(run):
         forces = [x[-1] for x in run.signals.constraint_force]
-        parts = ((run.state.position, run.state.velocity), run.state.memory, forces)
+        parts = ((run.state.position, run.state.velocity), run.state.controller, forces)
         return [np.array(jax.tree.leaves(part)) for part in parts]
 
     errors = [[np.abs(x - y).max() for x, y in zip(at_end(run), at_end(exact), strict=True)] for run in runs]
@@ -59,7 +61,7 @@ def runs():
 
 
 def test_ideal_loop_is_the_limit_of_short_control_periods(runs):
-    """Order one: torque is held and the controller's memory makes Euler steps."""
+    """Order one: torque is held and the controller's state makes Euler steps."""
     found = orders(1.0 / np.array(STEPS), [runs[n] for n in STEPS], runs["ideal"])
     assert found == pytest.approx([1.0] * 3, abs=0.03)
 
@@ -72,7 +74,7 @@ def test_ideal_loop_is_the_limit_of_short_lags(runs, share):
 
 def test_force_integral_makes_one_euler_step_per_sample(runs):
     run = runs[STEPS[0]]
-    integral, errors = np.array(run.signals.memory.force_integral), np.array(run.signals.force_error)
+    integral, errors = np.array(run.signals.controller.force_integral), np.array(run.signals.force_error)
     np.testing.assert_allclose(np.diff(integral), HORIZON / STEPS[0] * errors[:, :-1], rtol=0, atol=1e-14)
 
 

@@ -51,7 +51,7 @@ def test_packed_rollout_is_the_plain_one(simulated_paper, paper_run):
     plain, samples = paper_run.signals, len(simulated_paper.t)
     for mine, other in (
         (simulated_paper.sigma, plain.sigma),
-        (simulated_paper.c_hat, plain.memory.c_hat),
+        (simulated_paper.c_hat, plain.controller.c_hat),
         (simulated_paper.constraint_force, plain.constraint_force),
         (simulated_paper.torque, plain.torque),
     ):

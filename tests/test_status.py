@@ -4,15 +4,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from coopmm_jax.status import MEMORY_LIMIT, SINGULAR_FRACTION, SPEED_LIMIT, Status, judge, within
+from coopmm_jax.loop.health import judge, within
+from coopmm_jax.status import CONTROLLER_LIMIT, SINGULAR_FRACTION, SPEED_LIMIT, Status
 
 NAN = float("nan")
 
 
 def verdict(velocity=0.0, eta=0.0, determinants=(1.0, 1.0)):
     """Of a step from determinants (-2, 4) at the start, as a fraction of them, to one velocity and one eta."""
-    memory = SimpleNamespace(integral=(0.0, 0.0), eta=(eta, 0.0), c_hat=(1.0,) * 5, force_integral=(0.0,) * 4)
-    proposed = SimpleNamespace(velocity=(0.0, velocity), memory=memory)
+    controller = SimpleNamespace(integral=(0.0, 0.0), eta=(eta, 0.0), c_hat=(1.0,) * 5, force_integral=(0.0,) * 4)
+    proposed = SimpleNamespace(velocity=(0.0, velocity), controller=controller)
     start = (-2.0, 4.0)
     signals = SimpleNamespace(determinants=tuple(x * y for x, y in zip(determinants, start, strict=True)))
     return Status(int(judge(proposed, signals, start)))
@@ -22,10 +23,10 @@ def verdict(velocity=0.0, eta=0.0, determinants=(1.0, 1.0)):
     ("seen", "status"),
     [
         ({}, Status.OK),
-        ({"velocity": 0.99 * SPEED_LIMIT, "eta": -0.99 * MEMORY_LIMIT}, Status.OK),
+        ({"velocity": 0.99 * SPEED_LIMIT, "eta": -0.99 * CONTROLLER_LIMIT}, Status.OK),
         ({"velocity": -1.01 * SPEED_LIMIT}, Status.SPEED),
         ({"velocity": NAN}, Status.SPEED),
-        ({"eta": 1.01 * MEMORY_LIMIT}, Status.CONTROLLER),
+        ({"eta": 1.01 * CONTROLLER_LIMIT}, Status.CONTROLLER),
         ({"eta": NAN}, Status.CONTROLLER),
         ({"determinants": (0.99 * SINGULAR_FRACTION, 1.0)}, Status.SINGULAR_CONTACT),
         ({"determinants": (-1.0, 1.0)}, Status.SINGULAR_CONTACT),

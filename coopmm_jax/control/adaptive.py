@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.matrix import Scalar, Vector, dot, norm, scaled
+from coopmm_jax.algebra.matrix import dot, norm, scaled
+from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.parameters import Gains, Structure
 
 
 class Regressors(NamedTuple):
-    """f_k of (19): what each bound c_k of Assumption 3.2 is multiplied by."""
+    """f_k of (19): the factors of the bounds c_k of Assumption 3.2."""
 
     inertia: Scalar  # |K_sigma sigma - nudot|
     coriolis: Scalar  # |u^1|
@@ -49,7 +50,14 @@ def robust_force(
     """U2 of (19) (n,), along -sigma.
 
     Args:
-        platform_error: utilde_b (4,). coupling: Lambda's non-zero entries (4,).
+        structure: static choices of (19).
+        gains: of the controller.
+        f: the bounds' regressors.
+        sigma: filtered tracking error (n,).
+        c_hat: bound estimates (5,).
+        platform_error: utilde_b (4,).
+        coupling: Lambda's non-zero entries (4,).
+        t: time [s].
     """
     delta, size = boundary_layer(gains, t), norm(sigma)
     terms = []

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from coopmm_jax.algebra.matrix import Scalar, Vector
+from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control.reference import Desired
 from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import Gains
@@ -22,11 +22,6 @@ class Errors(NamedTuple):
     s1: Scalar
     s2: Scalar
     s3: Scalar
-
-
-def chained_rates(position: Position, u1: Scalar, u2: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """(8) at n_v = 3: rates of z1, z2, z3 [rad/s, m/s, m/s]."""
-    return u1, u1 * position.z3, u2
 
 
 def backstepping_errors(gains: Gains, desired: Desired, position: Position) -> Errors:
@@ -50,7 +45,11 @@ def reference_velocity(gains: Gains, desired: Desired, position: Position, arm: 
     """z = (z_b1, z_b2, z_a) of (12) and (13) [rad/s, m/s, rad/s].
 
     Args:
+        gains: of the controller.
+        desired: motion of this robot.
+        position: its coordinates.
         arm: the independent arm joints [rad], as many as ``desired.arm`` has.
+        eta: of (15) [rad/s].
     """
     s = backstepping_errors(gains, desired, position)
     u_d1 = desired.u1

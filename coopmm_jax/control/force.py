@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from coopmm_jax.algebra.matrix import Vector, minus
+from coopmm_jax.algebra.matrix import minus
+from coopmm_jax.algebra.types import Vector
 from coopmm_jax.parameters import Gains
 
 
@@ -20,7 +21,10 @@ def ideal_force_error(gains: Gains, without_feedback: Vector, desired: Vector, i
     K_lambda > -1 is what keeps it solvable (proof of Theorem 3.1).
 
     Args:
-        without_feedback: lambda_0 (m,), the multiplier under lambda_h = lambda_d.
+        gains: of the force loop.
+        without_feedback: lambda_0 (m,), the multiplier under lambda_h = lambda_d [N].
+        desired: lambda_d (m,) [N].
+        integral: E (m,) [N s].
     """
     return tuple(
         (free - ki * E) / (1.0 + kp)

@@ -19,7 +19,38 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from coopmm_jax.loop.packed import Packed
+
+@jax.tree_util.register_pytree_node_class
+class Packed:
+    """Values of all leaves along the last axis, and the structure they came from."""
+
+    def __init__(self, values: Any, structure: Any):
+        self.values, self.structure = values, structure
+
+    @classmethod
+    def of(cls, tree: Any, dtype: Any) -> Packed:
+        """Pack a pytree of scalars, each converted to ``dtype``."""
+        leaves, structure = jax.tree.flatten(tree)
+        values = jnp.stack([jnp.asarray(leaf, dtype) for leaf in leaves]) if leaves else jnp.zeros(0, dtype)
+        return cls(values, structure)
+
+    def unpack(self) -> Any:
+        """The pytree again, each leaf with the axes that were put before the last one.
+
+        By one split, whose transpose is one concatenation: that of an index would pad each leaf to the whole vector.
+        """
+        axis, count = self.values.ndim - 1, self.structure.num_leaves
+        columns = jax.lax.split(self.values, (1,) * count, axis) if count else ()
+        return jax.tree.unflatten(self.structure, [jnp.squeeze(column, axis) for column in columns])
+
+    def tree_flatten(self) -> tuple[tuple[Any], Any]:
+        """What JAX traces, and what it compares."""
+        return (self.values,), self.structure
+
+    @classmethod
+    def tree_unflatten(cls, structure: Any, children: tuple[Any]) -> Packed:
+        """The inverse of ``tree_flatten``."""
+        return cls(*children, structure)
 
 
 class Scalars:

@@ -14,21 +14,18 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.matrix import Scalar, plus
-from coopmm_jax.control.motion import Memory
-from coopmm_jax.loop.closed_loop import Signals, State, closed_loop
-from coopmm_jax.loop.form import Form, Scalars, Vectors
+from coopmm_jax.algebra.types import Scalar
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.form import Form, Packed, Scalars, Vectors
+from coopmm_jax.loop.health import Health, judge
 from coopmm_jax.loop.integrate import recomputed, rk4_step, scan_segments
-from coopmm_jax.loop.packed import Packed
-from coopmm_jax.loop.sampled_loop import initial_devices, sampled_step
-from coopmm_jax.mechanics import partitioning, robot_kinematics
+from coopmm_jax.loop.sampled_loop import sampled_step
+from coopmm_jax.loop.start import initial_state
+from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics.model import Model, build_model
-from coopmm_jax.mechanics.plant import plant_kinematics
 from coopmm_jax.parameters import Parameters, Structure
-from coopmm_jax.status import Health, Status, judge
+from coopmm_jax.status import Status
 
-# Newton's steps for the start: from the paper's printed angles six reach 1e-15; the rest is for distant starts.
-_NEWTON_STEPS = 25
 _START_TOLERANCE = 1e-9  # [m]
 
 
@@ -69,38 +66,6 @@ class Rollout(NamedTuple):
 def as_scalars(tree: Any, dtype: Any) -> Any:
     """A pytree with every leaf an array of one floating dtype, without disturbing batch axes."""
     return jax.tree.map(lambda x: jnp.asarray(x, dtype), tree)
-
-
-def initial_state(structure: Structure, model: Model, parameters: Parameters) -> tuple[State, Scalar, tuple]:
-    """Robots at rest on the constraints: Newton's iteration on the dependent joints from ``parameters.start``.
-
-    Returns:
-        The state, the largest remaining |phi| [m], and the determinants of J_dep's blocks.
-    """
-    part = partitioning.partition(structure.rows)
-    n = sum(map(len, part.independent))
-    zero = parameters.plant.gravity * 0.0
-    at_rest = (zero,) * n
-
-    def solve(position: tuple) -> partitioning.Kinematics:
-        return plant_kinematics(structure, model, zero, position, at_rest)
-
-    def newton(position: tuple, _: None) -> tuple[tuple, None]:
-        k = solve(position)
-        change = partitioning.dependent_solution(k.reduction, k.reduction.rows.phi)
-        return tuple(
-            robot_kinematics.Position(*p[:3], *plus(p[3:], c[2:])) for p, c in zip(position, change, strict=True)
-        ), None
-
-    start = tuple(map(robot_kinematics.chained, parameters.start))
-    position, _ = jax.lax.scan(newton, start, None, length=_NEWTON_STEPS)
-    reduction = solve(position).reduction
-    residual = jnp.abs(reduction.rows.phi[0])
-    for phi in reduction.rows.phi[1:]:
-        residual = jnp.maximum(residual, jnp.abs(phi))
-    memory = Memory((zero,) * (n - 4), (zero, zero), parameters.gains.c_hat0, (zero,) * len(structure.rows))
-    state = State(position, at_rest, memory, initial_devices(structure, zero))
-    return state, residual, reduction.determinants
 
 
 def rollout(

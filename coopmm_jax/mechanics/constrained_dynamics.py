@@ -11,10 +11,12 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.matrix import Matrix, Vector, cholesky_solve, congruence, identity, minus, plus, scaled, sub
+from coopmm_jax.algebra.matrix import Matrix, cholesky_solve, congruence, identity, minus, plus, scaled, sub
+from coopmm_jax.algebra.types import Pair, Vector
 from coopmm_jax.mechanics import partitioning, robot_dynamics
+from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.model import Model
-from coopmm_jax.mechanics.partitioning import Kinematics
+from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_dynamics import Dynamics, Lumped, inertial_force, inverse_dynamics
 
 
@@ -22,43 +24,43 @@ class Accelerations(NamedTuple):
     """Solution of the constrained dynamics at one instant."""
 
     independent: Vector  # du^1/dt (n,)
-    full: tuple[Vector, Vector]  # udot of each robot (5,)
+    full: Pair[Vector]  # udot of each robot (5,)
     multipliers: Vector  # lambda (m,) [N]
 
 
-def both_dynamics(lumped: tuple[Lumped, Lumped], k: Kinematics) -> tuple[Dynamics, Dynamics]:
+def both_dynamics(lumped: Pair[Lumped], k: Kinematics) -> Pair[Dynamics]:
     """Inertia and bias of both robots, for the plant's or the controller's lumped parameters."""
-    return tuple(
-        robot_dynamics.dynamics(m, f, p, T, u)
-        for m, f, p, T, u in zip(lumped, k.factors, k.bodies.position, k.bodies.T, k.velocity, strict=True)
-    )
+    return per_robot(robot_dynamics.dynamics, lumped, k.factors, k.bodies.position, k.bodies.T, k.velocity)
 
 
-def required_force(dynamics: tuple[Dynamics, Dynamics], acceleration: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+def required_force(dynamics: Pair[Dynamics], acceleration: Pair[Vector]) -> Pair[Vector]:
     """M udot + C u + G of each robot (5,)."""
-    return tuple(inverse_dynamics(d, a) for d, a in zip(dynamics, acceleration, strict=True))
+    return per_robot(inverse_dynamics, dynamics, acceleration)
 
 
-def reduced_inertia(k: Kinematics, dynamics: tuple[Dynamics, Dynamics]) -> Matrix:
+def reduced_inertia(k: Kinematics, dynamics: Pair[Dynamics]) -> Matrix:
     """Mr = L^T M L (n x n) of (11), as (T L)^T M (T L) with M in body rates, where it is sparsest."""
     maps = partitioning.velocity_maps(k.reduction)
-    first, second = (congruence(d.T @ L, d.inertia) for L, d in zip(maps, dynamics, strict=True))
+    first, second = per_robot(lambda L, d: congruence(d.T @ L, d.inertia), maps, dynamics)
     return first + second
 
 
 def constrained_accelerations(
     model: Model,
     k: Kinematics,
-    force: tuple[Vector, Vector],
-    friction: tuple[Vector, Vector] | None = None,
+    force: Pair[Vector],
+    friction: Pair[Vector] | None = None,
 ) -> Accelerations:
     """(11) under a generalised force (B tau - d of each robot, constraint forces left out), and lambda of (9).
 
     Args:
+        model: lumped parameters.
+        k: kinematics of the plant.
+        force: on each robot (5,).
         friction: further force of each robot (5,) for each newton of |lambda_n|: Coulomb friction of the contact.
     """
     dynamics = both_dynamics(model.plant, k)
-    at_rest = tuple(minus(f, h) for f, h in zip(force, required_force(dynamics, k.L_rate), strict=True))
+    at_rest = per_robot(minus, force, required_force(dynamics, k.L_rate))
     pushes = (at_rest,) if friction is None else (at_rest, friction)
     moved = _moved_from_rest(k.reduction, dynamics, pushes)
     lam = tuple(
@@ -69,17 +71,15 @@ def constrained_accelerations(
         # lambda = free + |lambda_n| per_newton is piecewise linear in lambda_n, whose sign is that of its free value.
         free, per_newton = lam
         load = jnp.abs(free[0]) / (1.0 - jnp.sign(free[0]) * per_newton[0])
-        full = tuple(plus(a, scaled(load, b)) for a, b in zip(*moved, strict=True))
+        full = per_robot(lambda a, b: plus(a, scaled(load, b)), *moved)
         forces = plus(free, scaled(load, per_newton))
     independent, _ = partitioning.parted(k.reduction.part, full)
-    return Accelerations(independent, tuple(plus(a, b) for a, b in zip(full, k.L_rate, strict=True)), forces)
+    return Accelerations(independent, per_robot(plus, full, k.L_rate), forces)
 
 
-def _left(
-    dynamics: tuple[Dynamics, Dynamics], acceleration: tuple[Vector, Vector], push: tuple[Vector, Vector]
-) -> tuple[Vector, Vector]:
+def _left(dynamics: Pair[Dynamics], acceleration: Pair[Vector], push: Pair[Vector]) -> Pair[Vector]:
     """M udot less the push: what the constraints have to exert."""
-    return tuple(minus(inertial_force(d, a), p) for d, a, p in zip(dynamics, acceleration, push, strict=True))
+    return per_robot(lambda d, a, p: minus(inertial_force(d, a), p), dynamics, acceleration, push)
 
 
 class _Chain(NamedTuple):
@@ -89,7 +89,7 @@ class _Chain(NamedTuple):
     gap: Matrix  # its share of what has to vanish to close the contact (drives x v)
 
 
-def _opened(reduction: partitioning.Reduction) -> tuple[_Chain, _Chain]:
+def _opened(reduction: partitioning.Reduction) -> Pair[_Chain]:
     """Robot I by its independent joints and minus its drives, robot II by its independent joints."""
     part, (N1, N2) = reduction.part, reduction.N
     n1, n2 = map(len, part.independent)
@@ -105,8 +105,8 @@ def _opened(reduction: partitioning.Reduction) -> tuple[_Chain, _Chain]:
 
 
 def _moved_from_rest(
-    reduction: partitioning.Reduction, dynamics: tuple[Dynamics, Dynamics], pushes: tuple[tuple[Vector, Vector], ...]
-) -> list[tuple[Vector, Vector]]:
+    reduction: partitioning.Reduction, dynamics: Pair[Dynamics], pushes: tuple[Pair[Vector], ...]
+) -> list[Pair[Vector]]:
     """L u1dot of each robot (5,) for each push on its joints: both chains alone, then what closes the contact."""
     chains = _opened(reduction)
     drives = len(chains[0].gap.rows)
@@ -120,6 +120,6 @@ def _moved_from_rest(
     gaps = (plus(*(chain.gap @ v for chain, v in zip(chains, both, strict=True))) for both in zip(*free, strict=True))
     forces = cholesky_solve(first + second, *gaps)
     return [
-        tuple(c.joints @ minus(v[i], each @ force) for c, v, each in zip(chains, free, closing, strict=True))
+        per_robot(lambda c, v, each, i=i, force=force: c.joints @ minus(v[i], each @ force), chains, free, closing)
         for i, force in enumerate(forces)
     ]

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from coopmm_jax.algebra.matrix import Scalar, Vector
-from coopmm_jax.mechanics import robot_dynamics, robot_kinematics
-from coopmm_jax.parameters import Disturbance, Gains, Geometry, Hardware, Parameters, Reference, Surface
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.mechanics.robot import per_robot
+from coopmm_jax.mechanics.robot_dynamics import Lumped, lump
+from coopmm_jax.mechanics.robot_kinematics import arm_angles
+from coopmm_jax.parameters import Disturbance, Gains, Geometry, Hardware, Parameters, Pose, Reference, Surface
 
 
 class Model(NamedTuple):
     """Parameters of one rollout with inertias lumped, so that the loop does not lump them again at every stage."""
 
-    geometry: tuple[Geometry, Geometry]
+    geometry: Pair[Geometry]
     surface: Surface
     gravity: Scalar
-    plant: tuple[robot_dynamics.Lumped, robot_dynamics.Lumped]
-    nominal: tuple[robot_dynamics.Lumped, robot_dynamics.Lumped]  # the controller's
+    plant: Pair[Lumped]
+    nominal: Pair[Lumped]  # the controller's
     gains: Gains
     disturbance: Disturbance
     reference: Reference
-    posture: tuple[Vector, Vector]  # desired (a2, a3) of each robot where they are independent [rad]
+    posture: Pair[Vector]  # desired (a2, a3) of each robot where they are independent [rad]
     hardware: Hardware
 
 
@@ -36,8 +38,8 @@ def build_model(parameters: Parameters) -> Model:
         geometry=plant.geometry,
         surface=plant.surface,
         gravity=plant.gravity,
-        plant=tuple(map(robot_dynamics.lump, plant.geometry, plant.inertia)),
-        nominal=tuple(map(robot_dynamics.lump, plant.geometry, parameters.nominal)),
+        plant=per_robot(lump, plant.geometry, plant.inertia),
+        nominal=per_robot(lump, plant.geometry, parameters.nominal),
         gains=parameters.gains,
         disturbance=parameters.disturbance,
         reference=parameters.reference,
@@ -46,7 +48,7 @@ def build_model(parameters: Parameters) -> Model:
     )
 
 
-def nominal_posture(parameters: Parameters) -> tuple[Vector, Vector]:
+def nominal_posture(parameters: Parameters) -> Pair[Vector]:
     """(a2, a3) of each robot when every reference is met: what a joint that no row fixes is asked to hold.
 
     Robot II's arm works over its back (arm yaw pi/2 points at the centre), so its reach is the platform's radius less
@@ -54,7 +56,8 @@ def nominal_posture(parameters: Parameters) -> tuple[Vector, Vector]:
     """
     plant, surface = parameters.plant, parameters.plant.surface
     reaches = (surface.contact_radius, parameters.reference.radius[1] - surface.guide_radius)
-    return tuple(
-        robot_kinematics.arm_angles(g, reach, surface.guide_height - 2.0 * g.l1, start.a3)
-        for g, reach, start in zip(plant.geometry, reaches, parameters.start, strict=True)
-    )
+
+    def angles(g: Geometry, reach: Scalar, start: Pose) -> Vector:
+        return arm_angles(g, reach, surface.guide_height - 2.0 * g.l1, start.a3)
+
+    return per_robot(angles, plant.geometry, reaches, parameters.start)

@@ -17,33 +17,21 @@ time loop never multiplies L out.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.matrix import (
-    Matrix,
-    Scalar,
-    Vector,
-    cholesky_solve,
-    dot,
-    identity,
-    inverse_small,
-    is_zero,
-    minus,
-    plus,
-    sub,
-)
-from coopmm_jax.mechanics import robot_dynamics, robot_kinematics
-from coopmm_jax.mechanics.constraints import JOINTS, Bodies, Rows, SurfaceMotion, bodies, constraint_rows, convective
-from coopmm_jax.mechanics.model import Model
+from coopmm_jax.algebra.matrix import Matrix, cholesky_solve, dot, identity, inverse_small, is_zero, minus, plus, sub
+from coopmm_jax.algebra.types import Pair, Scalar, T, Vector
+from coopmm_jax.mechanics.constraints import Rows
+from coopmm_jax.mechanics.robot import JOINTS, per_robot
 
 
 class Partition(NamedTuple):
     """Which of (u1, u2, a1dot, a2dot, a3dot) of each robot are independent and which follow from the rows."""
 
-    independent: tuple[tuple[int, ...], tuple[int, ...]]
-    dependent: tuple[tuple[int, ...], tuple[int, ...]]
+    independent: Pair[tuple[int, ...]]
+    dependent: Pair[tuple[int, ...]]
 
 
 def partition(rows: tuple[str, ...]) -> Partition:
@@ -56,7 +44,7 @@ def partition(rows: tuple[str, ...]) -> Partition:
         (3, 4) if "contact_height" in rows else (4,),
         (3, 4) if "guide_radial" in rows else (),
     )
-    independent = tuple(tuple(j for j in range(JOINTS) if j not in taken) for taken in dependent)
+    independent = per_robot(lambda taken: tuple(j for j in range(JOINTS) if j not in taken), dependent)
     return Partition(independent, dependent)
 
 
@@ -64,7 +52,7 @@ class Reduction(NamedTuple):
     """The constraint solved for the dependent joints, (10)."""
 
     R: Matrix  # (drives, n): what of u^1 drives the dependent joints, robot I's drives first
-    N: tuple[Matrix, Matrix]  # of each robot (dependent joints, its drives): how they follow
+    N: Pair[Matrix]  # of each robot (dependent joints, its drives): how they follow
     part: Partition
     rows: Rows
     N1_inverse: Matrix
@@ -110,58 +98,67 @@ def _carried(N2: Matrix, G2_inverse: Matrix, names: tuple[str, ...]) -> Matrix:
     return Matrix([(0, 1) if name == "contact_height" else row for name, row in zip(names, negated, strict=False)])
 
 
-def _drives(right: Matrix, inverse: Matrix) -> tuple[Matrix, Matrix]:
+def _drives(right: Matrix, inverse: Matrix) -> Pair[Matrix]:
     """R and N with N R = -inverse right, without the rows of ``right`` that are zero by structure."""
     kept = [i for i, row in enumerate(right.rows) if not all(map(is_zero, row))]
     N = Matrix([[sub(0, row[i]) for i in kept] for row in inverse.rows])
     return Matrix([right.rows[i] for i in kept]), N
 
 
-def of_each_robot(reduction: Reduction, drives: Sequence[Any]) -> tuple[tuple, tuple]:
-    """What there is one of for each drive, robot by robot."""
+def of_each_robot(reduction: Reduction, drives: Sequence[T]) -> Pair[tuple[T, ...]]:
+    """Values of the drives, as those of each robot."""
     first = len(reduction.N[0].rows[0])
     return tuple(drives[:first]), tuple(drives[first:])
 
 
-def joined(part: Partition, independent: Sequence[Any], dependent: tuple[Sequence[Any], Sequence[Any]]) -> tuple:
-    """What there is one of for each joint, (5,) for each robot, from the independent (n,) and the dependent joints."""
-    both, taken = [], 0
-    for free, bound, values in zip(part.independent, part.dependent, dependent, strict=True):
-        own = independent[taken : taken + len(free)]
+def joined(part: Partition, independent: Sequence[T], dependent: Pair[Sequence[T]]) -> Pair[tuple[T, ...]]:
+    """Values of all joints, (5,) of each robot, from those of the independent (n,) and of the dependent ones."""
+
+    def all_joints(free: tuple[int, ...], own: Sequence[T], bound: tuple[int, ...], values: Sequence[T]) -> tuple:
         entries = dict(zip((*free, *bound), (*own, *values), strict=True))
-        both.append(tuple(entries[joint] for joint in range(JOINTS)))
-        taken += len(free)
-    return tuple(both)
+        return tuple(entries[joint] for joint in range(JOINTS))
+
+    return per_robot(all_joints, part.independent, split(part, independent), part.dependent, dependent)
 
 
-def parted(part: Partition, joints: tuple[Vector, Vector]) -> tuple[Vector, tuple[Vector, Vector]]:
+def split(part: Partition, independent: Sequence[T]) -> Pair[tuple[T, ...]]:
+    """Values of the independent joints (n,), as those of each robot."""
+    first = len(part.independent[0])
+    return tuple(independent[:first]), tuple(independent[first:])
+
+
+def parted(part: Partition, joints: Pair[Vector]) -> tuple[Vector, Pair[Vector]]:
     """The inverse of ``joined``: the independent (n,), and the dependent ones of each robot."""
-    independent = sum((tuple(u[j] for j in free) for u, free in zip(joints, part.independent, strict=True)), ())
-    return independent, tuple(tuple(u[j] for j in bound) for u, bound in zip(joints, part.dependent, strict=True))
+    first, second = per_robot(_chosen, joints, part.independent)
+    return first + second, per_robot(_chosen, joints, part.dependent)
 
 
-def velocity_maps(reduction: Reduction) -> tuple[Matrix, Matrix]:
+def _chosen(values: Vector, joints: tuple[int, ...]) -> Vector:
+    return tuple(values[j] for j in joints)
+
+
+def velocity_maps(reduction: Reduction) -> Pair[Matrix]:
     """L of (10), multiplied out: of each robot (5 x n)."""
     drives = of_each_robot(reduction, reduction.R.rows)
-    dependent = tuple((N @ Matrix(R)).rows for N, R in zip(reduction.N, drives, strict=True))
-    return tuple(map(Matrix, joined(reduction.part, identity(len(reduction.R.rows[0])).rows, dependent)))
+    dependent = per_robot(lambda N, R: (N @ Matrix(R)).rows, reduction.N, drives)
+    return per_robot(Matrix, joined(reduction.part, identity(len(reduction.R.rows[0])).rows, dependent))
 
 
-def expand(reduction: Reduction, independent: Vector) -> tuple[Vector, Vector]:
+def expand(reduction: Reduction, independent: Vector) -> Pair[Vector]:
     """u of each robot (5,) from the independent velocities (n,): u = L u^1 of (10)."""
     drives = of_each_robot(reduction, reduction.R @ independent)
-    return joined(reduction.part, independent, tuple(N @ x for N, x in zip(reduction.N, drives, strict=True)))
+    return joined(reduction.part, independent, per_robot(lambda N, x: N @ x, reduction.N, drives))
 
 
-def restrict(reduction: Reduction, force: tuple[Vector, Vector]) -> Vector:
+def restrict(reduction: Reduction, force: Pair[Vector]) -> Vector:
     """L^T F (n,): a generalised force on all joints as seen by the independent velocities."""
     independent, dependent = parted(reduction.part, force)
     return plus(independent, reduction.R.T @ _on_drives(reduction, dependent))
 
 
-def _on_drives(reduction: Reduction, dependent: tuple[Vector, Vector]) -> Vector:
-    first, second = (N.T @ f for N, f in zip(reduction.N, dependent, strict=True))
-    return (*first, *second)
+def _on_drives(reduction: Reduction, dependent: Pair[Vector]) -> Vector:
+    first, second = per_robot(lambda N, f: N.T @ f, reduction.N, dependent)
+    return first + second
 
 
 def velocity_map_norm(reduction: Reduction) -> Scalar:
@@ -177,7 +174,7 @@ def _block_diagonal(first: Matrix, second: Matrix) -> Matrix:
     return Matrix([*((*row, *(0,) * n) for row in first.rows), *(((0,) * m + row) for row in second.rows)])
 
 
-def least_equivalent(reduction: Reduction, force: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+def least_equivalent(reduction: Reduction, force: Pair[Vector]) -> Pair[Vector]:
     """The least force on all joints that does to the independent velocities what ``force`` does.
 
     It is L (L^T L)^-1 L^T force (substitution after (40)). As L = [I; N R] up to order, L^T L = I + R^T N^T N R, and by
@@ -189,24 +186,21 @@ def least_equivalent(reduction: Reduction, force: tuple[Vector, Vector]) -> tupl
     on_drives = _on_drives(reduction, dependent)
     (change,) = cholesky_solve(compliance + R @ R.T, minus(R @ independent, compliance @ on_drives))
     rates = of_each_robot(reduction, compliance @ plus(on_drives, change))
-    return joined(
-        reduction.part,
-        minus(independent, R.T @ change),
-        tuple(M @ rate for M, rate in zip(N, rates, strict=True)),
-    )
+    dependent = per_robot(lambda M, rate: M @ rate, N, rates)
+    return joined(reduction.part, minus(independent, R.T @ change), dependent)
 
 
-def spread(reduction: Reduction, force: Vector) -> tuple[Vector, Vector]:
+def spread(reduction: Reduction, force: Vector) -> Pair[Vector]:
     """The least force on all joints that L^T takes to ``force`` (n,)."""
     return least_equivalent(reduction, on_independent(reduction.part, force))
 
 
-def on_independent(part: Partition, force: Vector) -> tuple[Vector, Vector]:
+def on_independent(part: Partition, force: Vector) -> Pair[Vector]:
     """A force (n,) on the independent joints, none on the others."""
-    return joined(part, force, tuple((0,) * len(bound) for bound in part.dependent))
+    return joined(part, force, per_robot(lambda bound: (0,) * len(bound), part.dependent))
 
 
-def dependent_solution(reduction: Reduction, right: Vector) -> tuple[Vector, Vector]:
+def dependent_solution(reduction: Reduction, right: Vector) -> Pair[Vector]:
     """The dependent joints x with J_dep x = -right, as vectors (5,) of each robot, zero elsewhere.
 
     With right = Jdot u it is Ldot u^1; with right = phi it is the joint correction that removes the drift.
@@ -217,10 +211,10 @@ def dependent_solution(reduction: Reduction, right: Vector) -> tuple[Vector, Vec
         at_contact = plus(at_contact, reduction.carried @ at_guide)
     solved = (reduction.N1_inverse @ at_contact, reduction.G2_inverse @ at_guide)
     none = (0,) * sum(map(len, part.independent))
-    return joined(part, none, tuple(tuple(sub(0, x) for x in values) for values in solved))
+    return joined(part, none, per_robot(lambda values: tuple(sub(0, x) for x in values), solved))
 
 
-def multipliers(reduction: Reduction, residual: tuple[Vector, Vector]) -> Vector:
+def multipliers(reduction: Reduction, residual: Pair[Vector]) -> Vector:
     """lambda (m,) [N] with J^T lambda = residual, from the dependent joints' rows alone.
 
     The same as (J J^T)^-1 J residual, since a residual of the constrained dynamics lies in the range of J^T.
@@ -232,49 +226,6 @@ def multipliers(reduction: Reduction, residual: tuple[Vector, Vector]) -> Vector
     return contact + plus(reduction.G2_inverse.T @ second, reduction.carried.T @ contact)
 
 
-def constraint_force(reduction: Reduction, lam: Vector) -> tuple[Vector, Vector]:
+def constraint_force(reduction: Reduction, lam: Vector) -> Pair[Vector]:
     """J^T lambda on each robot (5,)."""
-    return tuple(J.T @ lam for J in reduction.rows.J)
-
-
-class Kinematics(NamedTuple):
-    """The constrained motion at one state: everything (10) says."""
-
-    bodies: Bodies
-    reduction: Reduction
-    velocity: tuple[Vector, Vector]  # u = L u^1 of each robot (5,)
-    factors: tuple[robot_dynamics.Factors, robot_dynamics.Factors]
-    L_rate: tuple[Vector, Vector]  # Ldot u^1 of each robot (5,)
-
-
-def kinematics(
-    model: Model,
-    rows: tuple[str, ...],
-    position: tuple[robot_kinematics.Position, robot_kinematics.Position],
-    independent: Vector,
-    motion: SurfaceMotion | None = None,
-) -> Kinematics:
-    """(10) at one state: ``independent`` is u^1 (n,).
-
-    Args:
-        motion: of the object's surface. It adds to what (10) says: u = L u^1 + c with J c = -dphi/dt.
-    """
-    b = bodies(model.surface, model.geometry, position)
-    radius = None if motion is None else motion.radius
-    reduction = reduce(constraint_rows(model.surface, rows, b, radius), rows)
-    velocity = expand(reduction, independent)
-    if motion is not None:
-        carried = dependent_solution(reduction, _in_normal_row(rows, motion.phi_rate))
-        velocity = tuple(plus(u, c) for u, c in zip(velocity, carried, strict=True))
-    bias = convective(model.surface, model.geometry, rows, b, velocity)
-    if motion is not None:
-        bias = plus(bias, _in_normal_row(rows, motion.phi_acceleration))
-    factors = tuple(
-        robot_dynamics.factors(g, model.gravity, arm, T @ u)
-        for g, arm, T, u in zip(model.geometry, b.arm, b.T, velocity, strict=True)
-    )
-    return Kinematics(b, reduction, velocity, factors, dependent_solution(reduction, bias))
-
-
-def _in_normal_row(rows: tuple[str, ...], value: Scalar) -> Vector:
-    return tuple(value if name == "contact_normal" else 0 for name in rows)
+    return per_robot(lambda J: J.T @ lam, reduction.rows.J)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from coopmm_jax.algebra.matrix import Matrix, Scalar, Vector, plus
+from coopmm_jax.algebra.matrix import Matrix, plus
+from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.mechanics.robot_kinematics import Position, Posture, body_map_rate
 from coopmm_jax.parameters import Geometry, Inertia
 

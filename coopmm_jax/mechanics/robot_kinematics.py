@@ -9,11 +9,14 @@ u = (u1, u2, a1dot, a2dot, a3dot) of (9).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.matrix import Matrix, Scalar, Vector, sincos
+from coopmm_jax.algebra.matrix import Matrix, plus
+from coopmm_jax.algebra.sincos import sincos
+from coopmm_jax.algebra.types import Scalar, Vector
+from coopmm_jax.mechanics.robot import CHAINED, PLATFORM
 from coopmm_jax.parameters import Geometry, Pose
 
 
@@ -43,15 +46,47 @@ class Posture(NamedTuple):
 
 def chained(pose: Pose) -> Position:
     """(6): chained coordinates of a pose (x, y, th, a1, a2, a3)."""
-    s, c = sincos(pose.th)
-    return Position(pose.th, pose.x * c + pose.y * s, -pose.x * s + pose.y * c, pose.a1, pose.a2, pose.a3)
+    lateral, forward = in_platform(pose.x, pose.y, sincos(pose.th))
+    return Position(pose.th, lateral, forward, pose.a1, pose.a2, pose.a3)
 
 
 def unchained(position: Position) -> Pose:
     """Inverse of ``chained``."""
-    s, c = sincos(position.z1)
-    z2, z3 = position.z2, position.z3
-    return Pose(z2 * c - z3 * s, z2 * s + z3 * c, position.z1, position.a1, position.a2, position.a3)
+    x, y = in_world(position.z2, position.z3, sincos(position.z1))
+    return Pose(x, y, position.z1, position.a1, position.a2, position.a3)
+
+
+def in_platform(x: Any, y: Any, turn: tuple[Any, Any]) -> tuple[Any, Any]:
+    """A world position (x, y) [m] along a platform's lateral and forward axes; scalars, or arrays of one shape (...).
+
+    Args:
+        x: component along the world's first axis.
+        y: component along the second.
+        turn: sine and cosine of the platform's angle th.
+    """
+    s, c = turn
+    return x * c + y * s, -x * s + y * c
+
+
+def in_world(lateral: Any, forward: Any, turn: tuple[Any, Any]) -> tuple[Any, Any]:
+    """Inverse of ``in_platform``: (x, y) [m] from what lies along the platform's axes, arrays (...) or scalars."""
+    s, c = turn
+    return lateral * c - forward * s, lateral * s + forward * c
+
+
+def chained_rates(position: Position, u1: Scalar, u2: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """(8) at n_v = 3: rates of z1, z2, z3 [rad/s, m/s, m/s]."""
+    return u1, u1 * position.z3, u2
+
+
+def position_rates(position: Position, u: Vector) -> Position:
+    """(8) and the arm: rates of a robot's coordinates from its velocities u (5,)."""
+    return Position(*chained_rates(position, u[0], u[1]), *u[PLATFORM:])
+
+
+def arm_moved(position: Position, change: Vector) -> Position:
+    """A position (or its rates) with the arm's entries of ``change`` (5,) added to its joints."""
+    return Position(*position[:CHAINED], *plus(position[CHAINED:], change[PLATFORM:]))
 
 
 def posture(geometry: Geometry, position: Position) -> Posture:

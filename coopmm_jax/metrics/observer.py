@@ -18,11 +18,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.matrix import Scalar, Vector, dot, minus, sincos
+from coopmm_jax.algebra.matrix import dot, minus
+from coopmm_jax.algebra.sincos import sincos
+from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control.reference import desired_motion
-from coopmm_jax.loop.closed_loop import Signals
+from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.rollout import Observer
-from coopmm_jax.mechanics.actuators import torque_limits
+from coopmm_jax.loop.state import Signals
 from coopmm_jax.metrics.table import ERRORS, LATE, METRICS, SETTLED, TRACKING
 from coopmm_jax.parameters import Hardware, Parameters, Reference, Structure, Surface
 
@@ -227,7 +229,7 @@ def _candidates(structure: Structure, signals: Signals, last: Last, late: Scalar
         pull_late=jnp.where(late, -force, -jnp.inf),
         internal_force=_size(others),
         torque=_size(last.torque),
-        c_hat=_size(signals.memory.c_hat),
+        c_hat=_size(signals.controller.c_hat),
         residual=_size(signals.constraint_residual),
         singularity=functools.reduce(jnp.maximum, ratios),
     )

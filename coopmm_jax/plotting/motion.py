@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.mechanics.robot_kinematics import in_world
 from coopmm_jax.plotting import style
 from coopmm_jax.plotting.lines import Run, longest, runs, time_panel
 
@@ -175,8 +176,7 @@ def errors_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
 def midpoints(zeta: np.ndarray) -> np.ndarray:
     """Axle midpoint x, y (..., 2) [m] from chained coordinates (..., 3): the inverse of (6)."""
     th, lateral, forward = np.moveaxis(zeta, -1, 0)
-    s, c = np.sin(th), np.cos(th)
-    return np.stack([lateral * c - forward * s, lateral * s + forward * c], axis=-1)
+    return np.stack(in_world(lateral, forward, (np.sin(th), np.cos(th))), axis=-1)
 
 
 def _evenly(samples: int, points: int = 1000) -> np.ndarray:

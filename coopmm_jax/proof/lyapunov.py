@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from coopmm_jax.algebra.matrix import Vector
-from coopmm_jax.control.motion import Memory
+from coopmm_jax.algebra.types import Vector
+from coopmm_jax.control.controller import ControllerState
 from coopmm_jax.errors import UserError
-from coopmm_jax.loop.closed_loop import State
-from coopmm_jax.mechanics import partitioning, robot_kinematics
+from coopmm_jax.loop.state import State
+from coopmm_jax.mechanics import partitioning
+from coopmm_jax.mechanics.robot import ROBOTS, per_robot
+from coopmm_jax.mechanics.robot_kinematics import Position, in_platform
 from coopmm_jax.parameters import Gains, Parameters, Structure
 from coopmm_jax.proof.terms import ProofTerms, Reduced, proof_terms
 
@@ -52,7 +54,8 @@ def analyse(trajectory: Trajectory, every: int = 1) -> Analysis:
     """(31)-(40) and Properties 2.1, 2.2 along a simulated motion.
 
     Args:
-        trajectory: what ``simulate`` returns. every: use every so manieth sample.
+        trajectory: what ``simulate`` returns.
+        every: use one sample in so many.
 
     Raises:
         UserError: no sample, ``every`` below 1, an adaptation rate gamma of zero (V2 of (31) divides by it), sampled
@@ -73,7 +76,10 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
     """``analyse`` for any states: as (40) is about one instant, they need not follow from one another.
 
     Args:
-        t: (T,) [s]. states: a ``State`` with leaves (T,).
+        structure: static choices.
+        parameters: of the rollout.
+        t: (T,) [s].
+        states: a ``State`` with leaves (T,).
 
     Raises:
         UserError: as ``analyse``.
@@ -171,19 +177,19 @@ def _spectral(matrices: np.ndarray) -> np.ndarray:
 
 
 def states_of(trajectory: Trajectory, every: int = 1) -> tuple[np.ndarray, State]:
-    """Times (T,) [s] and states, leaves (T,), of every so manieth sample of a trajectory; in float64."""
+    """Times (T,) [s] and states, leaves (T,), of one sample in ``every`` of a trajectory; in float64."""
     part = partitioning.partition(trajectory.rows)
 
     def columns(values: np.ndarray) -> Vector:
         return tuple(np.moveaxis(np.asarray(values, np.float64)[::every], 0, -1))
 
-    position = tuple(_chained(*columns(np.asarray(trajectory.q)[:, i])) for i in range(2))
-    velocity = [columns(np.asarray(trajectory.velocity)[:, i]) for i in range(2)]
-    independent = tuple(u[j] for u, joints in zip(velocity, part.independent, strict=True) for j in joints)
-    memory = Memory(*map(columns, (trajectory.integral, trajectory.eta, trajectory.c_hat, trajectory.force_integral)))
-    return np.asarray(trajectory.t, np.float64)[::every], State(position, independent, memory)
+    position = per_robot(lambda i: _chained(*columns(np.asarray(trajectory.q)[:, i])), range(ROBOTS))
+    velocity = per_robot(lambda i: columns(np.asarray(trajectory.velocity)[:, i]), range(ROBOTS))
+    independent, _ = partitioning.parted(part, velocity)
+    recorded = (trajectory.integral, trajectory.eta, trajectory.c_hat, trajectory.force_integral)
+    state = State(position, independent, ControllerState(*map(columns, recorded)))
+    return np.asarray(trajectory.t, np.float64)[::every], state
 
 
-def _chained(x: np.ndarray, y: np.ndarray, th: np.ndarray, *arm: np.ndarray) -> robot_kinematics.Position:
-    s, c = np.sin(th), np.cos(th)
-    return robot_kinematics.Position(th, x * c + y * s, -x * s + y * c, *arm)
+def _chained(x: np.ndarray, y: np.ndarray, th: np.ndarray, *arm: np.ndarray) -> Position:
+    return Position(th, *in_platform(x, y, (np.sin(th), np.cos(th))), *arm)

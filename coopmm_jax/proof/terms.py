@@ -13,19 +13,24 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax.algebra.matrix import Scalar, Vector, dot, minus, norm
+from coopmm_jax.algebra.matrix import dot, minus, norm
+from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control import adaptive, backstepping, motion
 from coopmm_jax.control.reference import desired_motion
-from coopmm_jax.loop.closed_loop import State, closed_loop
-from coopmm_jax.mechanics import partitioning, robot_kinematics
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.state import State
+from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.constrained_dynamics import both_dynamics, reduced_inertia, required_force
+from coopmm_jax.mechanics.constrained_kinematics import kinematics
+from coopmm_jax.mechanics.disturbance import disturbance_torque
 from coopmm_jax.mechanics.model import Model, build_model
-from coopmm_jax.mechanics.plant import disturbance_torque
+from coopmm_jax.mechanics.robot import PLATFORM, per_robot
 from coopmm_jax.mechanics.robot_dynamics import Lumped
+from coopmm_jax.mechanics.robot_kinematics import actuator_force
 from coopmm_jax.parameters import Gains, Parameters, Structure
 
 # States evaluated together: few enough to stay below 0.3 GB, many enough that the cost of a call does not count.
-_TILE = 4096
+_BATCH = 4096
 
 
 class Reduced(NamedTuple):
@@ -63,25 +68,28 @@ def proof_terms(structure: Structure, parameters: Parameters, t: np.ndarray, sta
     """Evaluate ``ProofTerms`` as numpy arrays, in float64.
 
     Args:
-        t: (T,) [s]. states: a ``State`` with leaves (T,).
+        structure: static choices.
+        parameters: of the rollout.
+        t: (T,) [s].
+        states: a ``State`` with leaves (T,).
 
-    >>> from coopmm_jax.control.motion import Memory
+    >>> from coopmm_jax.control.controller import ControllerState
     >>> from coopmm_jax.mechanics.robot_kinematics import Position
     >>> one, two = Position(0.0, 2.4, 0.0, 1.2, -0.8, 1.6), Position(0.0, 1.0, 0.0, 1.6, 2.3, 1.7)
-    >>> state = State((one, two), (1.0, 0.0) * 3, Memory((0.0,) * 2, (0.0,) * 2, (1.0,) * 5, (0.0,) * 4))
+    >>> state = State((one, two), (1.0, 0.0) * 3, ControllerState((0.0,) * 2, (0.0,) * 2, (1.0,) * 5, (0.0,) * 4))
     >>> states = jax.tree.map(lambda x: np.full(3, x), state)
     >>> proof_terms(Structure(), Parameters(), np.zeros(3), states).plant.M.shape
     (3, 6, 6)
     """
     count = len(t)
-    tiles = []
+    batches = []
     with jax.enable_x64(True):
         model = build_model(parameters)
-        for first in range(0, count, _TILE):
-            chosen = np.minimum(np.arange(first, first + _TILE), count - 1)
+        for first in range(0, count, _BATCH):
+            chosen = np.minimum(np.arange(first, first + _BATCH), count - 1)
             at, here = jax.tree.map(lambda x, chosen=chosen: jnp.asarray(np.asarray(x)[chosen]), (t, states))
-            tiles.append(jax.tree.map(np.asarray, _evaluate(structure, model, at, here)))
-    joined = jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1)[..., :count], *tiles)
+            batches.append(jax.tree.map(np.asarray, _evaluate(structure, model, at, here)))
+    joined = jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1)[..., :count], *batches)
     return jax.tree.map(lambda x: np.moveaxis(x, -1, 0), joined)
 
 
@@ -96,15 +104,13 @@ def _evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> Pr
     damping = tuple(gain * s for gain, s in zip(gains.K_sigma, sigma, strict=True))
     acceleration = minus(minus(rates.velocity, sigma_rate), damping)
 
-    k = partitioning.kinematics(model, structure.rows, state.position, state.velocity)
+    k = kinematics(model, structure.rows, state.position, state.velocity)
     f = motion.regressors(k, acceleration, state.velocity)
-    first, second = motion.split(part, sigma)
-    platform_error = first[:2] + second[:2]  # sigma has no integral there
+    first, second = partitioning.split(part, sigma)
+    platform_error = first[:PLATFORM] + second[:PLATFORM]  # sigma has no integral there
     signal, decay = _platform_terms(model, t, state)
     torque = disturbance_torque(model.disturbance, t)
-    disturbing = tuple(
-        robot_kinematics.actuator_force(g, p, torque) for g, p in zip(model.geometry, state.position, strict=True)
-    )
+    disturbing = per_robot(lambda g, p: actuator_force(g, p, torque), model.geometry, state.position)
     like = partial(_stacked, t)
     return ProofTerms(
         plant=_reduced(structure, model, model.plant, state),
@@ -120,9 +126,9 @@ def _evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> Pr
         speed=motion.coordinate_speed(k, state.velocity),
         disturbance=like(partitioning.restrict(k.reduction, disturbing)),
         disturbance_size=norm(disturbing[0] + disturbing[1]),
-        robust=like(_robust_terms(structure, gains, f, sigma, state.memory.c_hat, platform_error, signal, t)),
-        c_hat=like(state.memory.c_hat),
-        c_hat_rate=like(rates.memory.c_hat),
+        robust=like(_robust_terms(structure, gains, f, sigma, state.controller.c_hat, platform_error, signal, t)),
+        c_hat=like(state.controller.c_hat),
+        c_hat_rate=like(rates.controller.c_hat),
         alpha=adaptive.schedule(t),
         delta=adaptive.boundary_layer(gains, t),
     )
@@ -137,15 +143,15 @@ def _stacked(like: Scalar, entries: Any) -> Scalar:
 
 def _V1_and_sigma(model: Model, part: partitioning.Partition, t: Scalar, state: State) -> tuple[Scalar, Vector]:
     """V1 of (31) and sigma as functions of the state, to be differentiated along the flow."""
-    gains, memory = model.gains, state.memory
-    V1 = 0.5 * dot(memory.eta, memory.eta)
+    gains, controller = model.gains, state.controller
+    V1 = 0.5 * dot(controller.eta, controller.eta)
     for desired, position in zip(desired_motion(model.reference, t), state.position, strict=True):
         s = backstepping.backstepping_errors(gains, desired, position)
         V1 = V1 + 0.5 * (gains.k1 * s.s1 * s.s1 + s.s2 * s.s2 + s.s3 * s.s3)
-    z = motion.reference_velocities(model, part, t, state.position, memory.eta)
+    z = motion.reference_velocities(model, part, t, state.position, controller.eta)
     utilde = minus(state.velocity, z)
-    n1 = len(part.independent[0])
-    integral = (0.0, 0.0, *memory.integral[: n1 - 2], 0.0, 0.0, *memory.integral[n1 - 2 :])
+    first, platform = len(part.independent[0]) - PLATFORM, (0.0,) * PLATFORM
+    integral = (*platform, *controller.integral[:first], *platform, *controller.integral[first:])
     return V1, tuple(u + gains.K_u * i for u, i in zip(utilde, integral, strict=True))
 
 
@@ -153,7 +159,7 @@ def _platform_terms(model: Model, t: Scalar, state: State) -> tuple[Vector, Scal
     """Lambda's non-zero entries (4,), and the decaying terms of (32) counted positive."""
     gains = model.gains
     signal: Vector = ()
-    decay = gains.k0 * dot(state.memory.eta, state.memory.eta)
+    decay = gains.k0 * dot(state.controller.eta, state.controller.eta)
     for desired, position in zip(desired_motion(model.reference, t), state.position, strict=True):
         signal += backstepping.coupling_signal(gains, desired, position)
         s = backstepping.backstepping_errors(gains, desired, position)
@@ -196,7 +202,7 @@ def _reduced(structure: Structure, model: Model, lumped: tuple[Lumped, Lumped], 
     trials = tuple(moving * u[None] + offset for u, offset in zip(state.velocity, offsets, strict=True))
     position = jax.tree.map(lambda x: x[None], state.position)
 
-    k = partitioning.kinematics(model, structure.rows, position, trials)
+    k = kinematics(model, structure.rows, position, trials)
     dynamics = both_dynamics(lumped, k)
     M = _stacked(position[0].z1, reduced_inertia(k, dynamics).rows)
     h = _stacked(trials[0], partitioning.restrict(k.reduction, required_force(dynamics, k.L_rate)))

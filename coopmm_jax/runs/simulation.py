@@ -9,17 +9,20 @@ from typing import Any
 import jax
 import numpy as np
 
-from coopmm_jax.algebra.matrix import Scalar, Vector, sincos
+from coopmm_jax.algebra.sincos import sincos
+from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control.reference import desired_force, desired_motion
 from coopmm_jax.errors import UserError
-from coopmm_jax.loop.closed_loop import Signals
+from coopmm_jax.loop.health import Health
 from coopmm_jax.loop.rollout import Plan, rollout
-from coopmm_jax.mechanics import robot_kinematics
+from coopmm_jax.loop.state import Signals
+from coopmm_jax.mechanics.robot import CHAINED, per_robot
+from coopmm_jax.mechanics.robot_kinematics import Position, in_world, unchained
 from coopmm_jax.metrics import observer
 from coopmm_jax.parameters import Parameters, Reference, Structure
 from coopmm_jax.runs.trajectory import Trajectory
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
-from coopmm_jax.status import Health, Status
+from coopmm_jax.status import Status
 
 _SHORTEST = 1024  # samples a compiled rollout has room for, at least
 
@@ -92,31 +95,30 @@ def _sample(reference: Reference, t: Scalar, signals: Signals) -> dict[str, Any]
     desired = desired_motion(reference, t)
     return {
         "t": t,
-        "q": tuple(map(robot_kinematics.unchained, signals.position)),
-        "zeta": tuple(p[:3] for p in signals.position),
+        "q": per_robot(unchained, signals.position),
+        "zeta": per_robot(lambda p: p[:CHAINED], signals.position),
         "zeta_desired": tuple((d.z1, d.z2, d.z3) for d in desired),
         "arm": tuple(p.a1 for p in signals.position),
         "arm_desired": tuple(d.arm[0] for d in desired),
         "velocity": signals.velocity,
         "sigma": signals.sigma,
-        "c_hat": signals.memory.c_hat,
-        "eta": signals.memory.eta,
-        "integral": signals.memory.integral,
-        "force_integral": signals.memory.force_integral,
+        "c_hat": signals.controller.c_hat,
+        "eta": signals.controller.eta,
+        "integral": signals.controller.integral,
+        "force_integral": signals.controller.force_integral,
         "constraint_force": signals.constraint_force,
         "torque": signals.torque,
         "torque_commanded": signals.commanded,
         "constraint_residual": signals.constraint_residual,
-        "tip": tuple(map(_in_world, signals.position, signals.tip)),
+        "tip": per_robot(_in_world, signals.position, signals.tip),
         "contact_point": signals.contact_point,
     }
 
 
-def _in_world(position: robot_kinematics.Position, point: Vector) -> Vector:
+def _in_world(position: Position, point: Vector) -> Vector:
     """World coordinates of a point given along the platform's lateral and forward axes, and its height."""
     lateral, forward, height = point
-    s, c = sincos(position.z1)
-    return lateral * c - forward * s, lateral * s + forward * c, height
+    return (*in_world(lateral, forward, sincos(position.z1)), height)
 
 
 def _stacked(series: Any) -> np.ndarray:

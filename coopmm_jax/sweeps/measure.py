@@ -16,13 +16,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax.algebra.matrix import Scalar
-from coopmm_jax.loop.closed_loop import Signals
+from coopmm_jax.algebra.types import Scalar
+from coopmm_jax.loop.health import Health
 from coopmm_jax.loop.rollout import Plan, rollout
+from coopmm_jax.loop.state import Signals
 from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import Parameters, Structure
-from coopmm_jax.status import Health, Status
+from coopmm_jax.status import Status
 
 SEGMENT = 64  # steps; a horizon is rounded up to a whole number of segments
 POINTS = 400  # of a kept series, at most one more
@@ -145,7 +146,7 @@ def _point(structure: Structure, parameters: Parameters, t: Scalar, signals: Sig
         "contact_force": signals.constraint_force[contact],
         "internal_force": _largest(others),
         "torque": _largest([*signals.torque[0], *signals.torque[1]]),
-        "c_hat": _largest(signals.memory.c_hat),
+        "c_hat": _largest(signals.controller.c_hat),
     }
 
 

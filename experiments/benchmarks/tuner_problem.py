@@ -16,9 +16,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax.algebra.matrix import Scalar
+from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.control.reference import desired_force, desired_motion
-from coopmm_jax.loop.closed_loop import Signals
+from coopmm_jax.loop.state import Signals
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.robot_kinematics import actuator_force
 from coopmm_jax.parameters import Parameters

@@ -21,7 +21,7 @@ INDEPENDENT = [0, 1, 2, 5, 6, 7]  # entries of u (10,) that make up u^1
 ARMS = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 1.0])  # which entries of u^1 have an integral
 
 
-class Memory(NamedTuple):
+class ControllerState(NamedTuple):
     """States of the controller."""
 
     integral: np.ndarray  # (2,)
@@ -105,7 +105,7 @@ def robust_force(
 
 
 def motion_control(
-    structure: Structure, parameters: Parameters, t: float, q: np.ndarray, u: np.ndarray, memory: Memory
+    structure: Structure, parameters: Parameters, t: float, q: np.ndarray, u: np.ndarray, controller: ControllerState
 ) -> Law:
     """(18)-(24) at q (2, 6) and an admissible u (10,)."""
     gains, reference = parameters.gains, parameters.reference
@@ -113,12 +113,12 @@ def motion_control(
     zeta = np.array([[*lagrangian.chained_position(q_i), q_i[3]] for q_i in q])
     zeta_rate = np.array([[u[i], u[i] * z[2], u[i + 1], u[i + 2]] for i, z in zip((0, 5), zeta, strict=True)])
     Lambda = coupling_signal(gains, reference, t, zeta)
-    eta_rate = -gains.k0 * memory.eta - Lambda[:, 0]
+    eta_rate = -gains.k0 * controller.eta - Lambda[:, 0]
     z, z_rate = jax.jvp(
-        lambda *at: reference_velocity(gains, reference, *at), (t, zeta, memory.eta), (1.0, zeta_rate, eta_rate)
+        lambda *at: reference_velocity(gains, reference, *at), (t, zeta, controller.eta), (1.0, zeta_rate, eta_rate)
     )
     utilde = u1 - np.asarray(z)
-    sigma = utilde + gains.K_u * ARMS * np.repeat(memory.integral, 3)
+    sigma = utilde + gains.K_u * ARMS * np.repeat(controller.integral, 3)
     nu_rate = np.asarray(z_rate) - gains.K_u * ARMS * utilde
     wanted = nu_rate - np.array(gains.K_sigma) * sigma
 
@@ -129,7 +129,7 @@ def motion_control(
     all_rates = np.concatenate([zeta_rate.ravel(), u[[3, 4, 8, 9]]])
     f = np.array([norm(wanted), norm(u1), norm(all_rates) * norm(u1), 1.0, norm(L)])
     utilde_b = utilde.reshape(2, 3)[:, :2].ravel()
-    U2 = robust_force(structure, gains, f, sigma, memory.c_hat, utilde_b, Lambda, t)
+    U2 = robust_force(structure, gains, f, sigma, controller.c_hat, utilde_b, Lambda, t)
     spread = np.linalg.pinv(L.T)
     full = nominal.M @ (L @ wanted + L_dot_u1) + nominal.h + spread @ U2
     return Law(
@@ -140,5 +140,5 @@ def motion_control(
         force=full if structure.feedforward == "full" else spread @ (U1 + U2),
         integral_rate=utilde[[2, 5]],
         eta_rate=eta_rate,
-        c_hat_rate=np.array(gains.gamma) / gains.lam_min * norm(sigma) * f - memory.c_hat / (1 + t) ** 2,
+        c_hat_rate=np.array(gains.gamma) / gains.lam_min * norm(sigma) * f - controller.c_hat / (1 + t) ** 2,
     )

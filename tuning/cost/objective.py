@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax.algebra.matrix import Scalar, Vector
+from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control.reference import desired_force
-from coopmm_jax.loop.closed_loop import Signals
+from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
-from coopmm_jax.mechanics.actuators import torque_limits
+from coopmm_jax.loop.state import Signals
 from coopmm_jax.metrics.observer import squared_errors
 from coopmm_jax.parameters import Parameters, Structure
 from tuning.cost.gain_space import GainSpace, gain_space

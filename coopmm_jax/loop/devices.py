@@ -1,0 +1,149 @@
+"""Sensors and actuators between controller and robots: torque limits, lag, force sensor, noise, delay."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from coopmm_jax.algebra.matrix import minus, plus, scaled
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.mechanics.model import Model
+from coopmm_jax.mechanics.robot import ACTUATORS, COORDINATES, JOINTS, ROBOTS, of_each_actuator
+from coopmm_jax.mechanics.robot_kinematics import Position
+from coopmm_jax.parameters import Hardware, Structure
+
+
+class Devices(NamedTuple):
+    """States of sensors and actuators; empty where ideal."""
+
+    torque: Vector = ()  # applied torques, robot I's five then robot II's, behind their lag [N m]
+    force: Vector = ()  # reading of the force sensor (m,) [N]
+    late_forces: tuple[Vector, ...] = ()  # measured forces on their way, the next to arrive first [N]
+
+
+class Noise(NamedTuple):
+    """Measurement errors of one sample."""
+
+    position: Pair[Position]
+    velocity: Vector  # (n,)
+    force: Vector  # (m,) [N]
+
+
+def torque_limits(hardware: Hardware) -> Vector:
+    """Largest torque of one robot's actuators (5,) [N m]."""
+    return of_each_actuator(hardware.wheel_limit, hardware.joint_limit)
+
+
+def limited(structure: Structure, hardware: Hardware, torque: Vector) -> Vector:
+    """Torques of one robot's actuators (5,) held within their limits [N m].
+
+    ``torque_limits`` clips; ``smooth_limits`` uses x / (1 + (x/limit)^8)^(1/8), within 0.1 % of x up to half the limit
+    and never beyond it, whose gradient does not vanish at once.
+    """
+    limits = torque_limits(hardware)
+    if "smooth_limits" in structure.features:
+        return tuple(_smoothly(x, limit) for x, limit in zip(torque, limits, strict=True))
+    if "torque_limits" in structure.features:
+        return tuple(jnp.clip(x, -limit, limit) for x, limit in zip(torque, limits, strict=True))
+    return torque
+
+
+def _smoothly(x: Scalar, limit: Scalar) -> Scalar:
+    # Written around the clipped value, so that no power overflows and rounding cannot lift it over the limit.
+    ratio = jnp.minimum(jnp.abs(x), limit) / jnp.maximum(jnp.abs(x), limit)
+    return jnp.clip(x, -limit, limit) / jnp.sqrt(jnp.sqrt(jnp.sqrt(1.0 + ratio**8)))
+
+
+def torque_rates(model: Model, target: Pair[Vector], torque: Vector) -> Vector:
+    """First-order lag of the actuators (10,) [N m/s]."""
+    return scaled(1.0 / model.hardware.actuator_lag, minus((*target[0], *target[1]), torque))
+
+
+def device_rates(structure: Structure, model: Model, target: Pair[Vector], forces: Vector, devices: Devices) -> Devices:
+    """Rates of lagging actuators [N m/s] and of a lagging force sensor [N/s], in continuous time.
+
+    Args:
+        structure: static choices.
+        model: time constants.
+        target: torques (5,) that each robot's actuators go to [N m].
+        forces: lambda (m,) [N].
+        devices: where they stand.
+    """
+    torque, shown = (), ()
+    if "actuator_lag" in structure.features:
+        torque = torque_rates(model, target, devices.torque)
+    if "force_lag" in structure.features:
+        shown = scaled(1.0 / model.hardware.force_lag, minus(forces, devices.force))
+    return Devices(torque, shown)
+
+
+def ideal_sensing(structure: Structure) -> bool:
+    """Whether the controller sees the force that its own torque causes, in the same instant."""
+    return "force_lag" not in structure.features and structure.force_delay == 0
+
+
+def biased(structure: Structure, model: Model, force: Vector) -> Vector:
+    """A measured constraint force (m,) with the sensor's bias [N]."""
+    if "force_bias" not in structure.features:
+        return force
+    return tuple(x + model.hardware.force_bias for x in force)
+
+
+def draw_noise(structure: Structure, model: Model, sample: Scalar) -> Noise:
+    """Gaussian errors of one sample; ``sample`` is its number, a scalar.
+
+    The key is folded from seed, stream and sample number, so a rollout's noise does not depend on the batch it is in.
+    """
+    hardware, n = model.hardware, JOINTS * ROBOTS - len(structure.rows)
+    upper, lower = (half.astype(jnp.uint32) for half in hardware.noise_seed)
+    key = jax.random.fold_in(jax.random.key((upper << 16) | lower), hardware.noise_stream.astype(jnp.uint32))
+    coordinates = COORDINATES * ROBOTS
+    count = coordinates + n + len(structure.rows)
+    values = jax.random.normal(jax.random.fold_in(key, sample), (count,), hardware.noise_stream.dtype)
+    values = [values[i] for i in range(count)]
+    encoders = [hardware.encoder_noise * x for x in values[:coordinates]]
+    return Noise(
+        (Position(*encoders[:COORDINATES]), Position(*encoders[COORDINATES:])),
+        tuple(hardware.velocity_noise * x for x in values[coordinates : coordinates + n]),
+        tuple(hardware.force_noise * x for x in values[coordinates + n :]),
+    )
+
+
+def sense(
+    structure: Structure, model: Model, period: Scalar, devices: Devices, forces: Vector, noise: Noise | None
+) -> Devices:
+    """The force sensor at the next sample: noise, delay line, then the exact first-order lag over one period.
+
+    Args:
+        structure: static choices.
+        model: time constant of the sensor.
+        period: control period [s].
+        devices: at this sample.
+        forces: lambda (m,) at this sample [N].
+        noise: of this sample, if there is any.
+    """
+    if ideal_sensing(structure):
+        return devices
+    arriving = forces if noise is None else plus(forces, noise.force)
+    late = devices.late_forces
+    # The sample just taken is itself seen one sample later, so a delay of one needs no line.
+    if late:
+        arriving, late = late[0], (*late[1:], arriving)
+    shown = arriving
+    if "force_lag" in structure.features:
+        keep = jnp.exp(-period / model.hardware.force_lag)
+        shown = tuple(keep * old + (1.0 - keep) * new for old, new in zip(devices.force, arriving, strict=True))
+    return devices._replace(force=shown, late_forces=late)
+
+
+def initial_devices(structure: Structure, zero: Scalar) -> Devices:
+    """Sensors and actuators at rest; ``zero`` is a scalar of the rollout's dtype."""
+    force = (zero,) * len(structure.rows)
+    waiting = structure.force_delay if "force_lag" in structure.features else structure.force_delay - 1
+    return Devices(
+        torque=(zero,) * (ROBOTS * ACTUATORS) if "actuator_lag" in structure.features else (),
+        force=() if ideal_sensing(structure) else force,
+        late_forces=(force,) * max(waiting, 0),
+    )

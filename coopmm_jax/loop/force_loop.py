@@ -1,0 +1,130 @@
+"""The force loop below (17) at one instant: from motion force and measured contact force to torques and motion."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from coopmm_jax.algebra.matrix import minus, plus
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.control.controller import MotionCommand
+from coopmm_jax.control.force import force_command, ideal_force_error
+from coopmm_jax.control.reference import desired_force
+from coopmm_jax.loop.devices import biased, ideal_sensing, limited
+from coopmm_jax.loop.state import Action, Signals, State
+from coopmm_jax.mechanics import plant
+from coopmm_jax.mechanics.constrained_dynamics import Accelerations
+from coopmm_jax.mechanics.constrained_kinematics import Kinematics
+from coopmm_jax.mechanics.model import Model
+from coopmm_jax.mechanics.partitioning import constraint_force
+from coopmm_jax.mechanics.robot import by_robot, per_robot
+from coopmm_jax.mechanics.robot_kinematics import actuator_force, actuator_torque, tip_in_platform
+from coopmm_jax.parameters import Structure
+
+
+class Instant(NamedTuple):
+    """All that a decision depends on."""
+
+    structure: Structure
+    model: Model
+    t: Scalar  # [s]
+    truth: Kinematics  # of the plant
+    seen: Kinematics  # as the controller measures it
+    state: State
+
+
+def act(now: Instant, command: MotionCommand) -> Action:
+    """Torques and accelerations from the motion controller's force and the measured contact force.
+
+    A sensor that is late shows a force of the past, and actuators that lag still exert a torque of the past; only where
+    both are ideal does the force depend on the torque that it decides.
+    """
+    if not ideal_sensing(now.structure):
+        return _with_late_sensor(now, command)
+    if "actuator_lag" in now.structure.features:
+        return _with_lagging_actuators(now, command)
+    return _at_once(now, command)
+
+
+def _with_late_sensor(now: Instant, command: MotionCommand) -> Action:
+    """The error is that of the force which the sensor shows."""
+    error = _error(now, now.state.devices.force)
+    commanded, target = _torques(now, command, _feedback(now, error))
+    lagging = "actuator_lag" in now.structure.features
+    applied = by_robot(now.state.devices.torque) if lagging else target
+    return Action(error, commanded, target, applied, _response(now, applied))
+
+
+def _with_lagging_actuators(now: Instant, command: MotionCommand) -> Action:
+    """The force follows from the torque applied now, whatever is decided."""
+    applied = by_robot(now.state.devices.torque)
+    moved = _response(now, applied)
+    error = _error(now, moved.multipliers)
+    return Action(error, *_torques(now, command, _feedback(now, error)), applied, moved)
+
+
+def _at_once(now: Instant, command: MotionCommand) -> Action:
+    """The algebraic loop, solved as if torque had no limits and the controller's J were the plant's.
+
+    Where that is not so, the error that goes into the integral is that of the force which then really acts.
+    """
+    structure, model, desired = now.structure, now.model, _desired(now)
+    free = plant.respond(structure, model, now.t, now.truth, command.force)
+    without_feedback = biased(structure, model, plus(free.multipliers, desired))
+    error = ideal_force_error(model.gains, without_feedback, desired, now.state.controller.force_integral)
+    lambda_h = _feedback(now, error)
+    commanded, target = _torques(now, command, lambda_h)
+    if _solution_is_exact(structure):
+        # J^T lambda_h moves nothing and adds to the multipliers one for one, so no second solve is needed.
+        moved = free._replace(multipliers=plus(free.multipliers, lambda_h))
+        return Action(error, commanded, target, target, moved)
+    moved = _response(now, target)
+    return Action(_error(now, moved.multipliers), commanded, target, target, moved)
+
+
+def _solution_is_exact(structure: Structure) -> bool:
+    touched = {"torque_limits", "smooth_limits", "noise", "tip_friction"}
+    return not touched & set(structure.features)
+
+
+def _desired(now: Instant) -> Vector:
+    return desired_force(now.model.reference, now.structure.rows)
+
+
+def _error(now: Instant, force: Vector) -> Vector:
+    return minus(biased(now.structure, now.model, force), _desired(now))
+
+
+def _feedback(now: Instant, error: Vector) -> Vector:
+    return force_command(now.model.gains, _desired(now), error, now.state.controller.force_integral)
+
+
+def _torques(now: Instant, command: MotionCommand, lambda_h: Vector) -> tuple[Pair[Vector], Pair[Vector]]:
+    """B tau = F - J^T lambda_h with the controller's J: torques of each robot, and these within limits."""
+    model, seen = now.model, now.seen
+    wanted = per_robot(minus, command.force, constraint_force(seen.reduction, lambda_h))
+    commanded = per_robot(actuator_torque, model.geometry, seen.bodies.position, wanted)
+    return commanded, per_robot(lambda torque: limited(now.structure, model.hardware, torque), commanded)
+
+
+def _response(now: Instant, torque: Pair[Vector]) -> Accelerations:
+    force = per_robot(actuator_force, now.model.geometry, now.state.position, torque)
+    return plant.respond(now.structure, now.model, now.t, now.truth, force)
+
+
+def observe(now: Instant, sigma: Vector, action: Action) -> Signals:
+    """Signals at one instant, from sigma (n,) below (15) and the action taken."""
+    truth, lam = now.truth, action.moved.multipliers
+    return Signals(
+        position=now.state.position,
+        velocity=truth.velocity,
+        sigma=sigma,
+        controller=now.state.controller,
+        constraint_force=lam,
+        force_error=minus(lam, _desired(now)),
+        torque=action.applied,
+        commanded=action.commanded,
+        constraint_residual=truth.reduction.rows.phi,
+        tip=per_robot(tip_in_platform, now.model.geometry, now.state.position, truth.bodies.arm),
+        contact_point=truth.reduction.rows.contact_point,
+        determinants=truth.reduction.determinants,
+    )

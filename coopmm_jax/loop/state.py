@@ -1,0 +1,47 @@
+"""State of the closed loop, and its signals at one instant."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.control.controller import ControllerState
+from coopmm_jax.loop.devices import Devices
+from coopmm_jax.mechanics.constrained_dynamics import Accelerations
+from coopmm_jax.mechanics.robot_kinematics import Position
+
+
+class State(NamedTuple):
+    """State of one closed loop: 31 scalars with all four rows in force and ideal devices."""
+
+    position: Pair[Position]
+    velocity: Vector  # u^1 (n,)
+    controller: ControllerState
+    devices: Devices = Devices()
+
+
+class Signals(NamedTuple):
+    """What an observer of the loop sees at one instant."""
+
+    position: Pair[Position]
+    velocity: Pair[Vector]  # u of each robot (5,)
+    sigma: Vector  # (n,)
+    controller: ControllerState
+    constraint_force: Vector  # lambda (m,) [N]
+    force_error: Vector  # lambda - lambda_d (m,) [N]
+    torque: Pair[Vector]  # applied, (right wheel, left wheel, joints 1-3) of each robot [N m]
+    commanded: Pair[Vector]  # likewise, before limits and lag
+    constraint_residual: Vector  # phi (m,) [m]
+    tip: Pair[Vector]  # lateral, forward (from the world's origin, platform axes) and height of each tip [m]
+    contact_point: Vector  # D = p1 - C along arm II and across it [m]
+    determinants: tuple[Scalar, ...]  # singular arm where one vanishes
+
+
+class Action(NamedTuple):
+    """One decision of the force controller, and the robots' motion under it."""
+
+    measured_error: Vector  # e_lambda as the controller sees it (m,) [N]
+    commanded: Pair[Vector]  # torques of each robot [N m]
+    target: Pair[Vector]  # likewise, within limits
+    applied: Pair[Vector]  # likewise, behind the actuators' lag
+    moved: Accelerations
