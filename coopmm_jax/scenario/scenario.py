@@ -154,7 +154,7 @@ class Scenario(HardwareSections):
 
     @model_validator(mode="after")
     def _what_is_required_is_measured(self) -> Scenario:
-        for metric in self.requirements.model_extra:
+        for metric in self.requirements.__pydantic_extra__:
             if metric not in METRICS:
                 must = f"a metric, as coopmm simulate --out writes them{closest(metric, METRICS)}"
                 raise UserError(f"requirements.{metric}", must, "unknown")

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.sections.schema import Section
@@ -49,7 +49,8 @@ class Requirement(NamedTuple):
 class Requirements(Section, extra="allow"):
     """[requirements]: metric = "<= limit" (or >=, ==, <, >), which every sample has to meet; "none" drops a base's."""
 
-    __pydantic_extra__: dict[str, str]
+    # pydantic checks the fields that are allowed against this type
+    __pydantic_extra__: dict[str, str] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @model_validator(mode="before")
     @classmethod
@@ -63,7 +64,7 @@ class Requirements(Section, extra="allow"):
 
     def parsed(self) -> tuple[Requirement, ...]:
         """The lines in the order of the file."""
-        return tuple(parse(metric, text) for metric, text in self.model_extra.items())
+        return tuple(parse(metric, text) for metric, text in self.__pydantic_extra__.items())
 
 
 class Interval(NamedTuple):

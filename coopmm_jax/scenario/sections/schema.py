@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, Discriminator, Field, Strict, Tag, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Strict, Tag, field_validator, model_validator
 
 from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
@@ -59,8 +59,10 @@ def quantity(default: Any, meaning: str) -> Any:
     return Field(default, description=meaning)
 
 
-class Section(BaseModel, extra="forbid", frozen=True):
-    """What every section has in common: unknown keys are errors, values cannot be changed in place."""
+class Section(BaseModel):
+    """Base of every section: unknown keys are errors, values cannot be changed in place."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     @model_validator(mode="before")
     @classmethod

@@ -78,7 +78,10 @@ class Entry(NamedTuple):
 class Uncertainty(Section, extra="allow"):
     """[uncertainty]: section.field = { distribution = ..., ... }; section.field.1 and .2 are one robot's."""
 
-    __pydantic_extra__: dict[str, dict[str, Distribution | dict[str, Distribution]]]
+    # pydantic checks the fields that are allowed against this type
+    __pydantic_extra__: dict[  # pyright: ignore[reportIncompatibleVariableOverride]
+        str, dict[str, Distribution | dict[str, Distribution]]
+    ] = Field(init=False)
 
     @model_validator(mode="before")
     @classmethod
@@ -91,7 +94,7 @@ class Uncertainty(Section, extra="allow"):
     def entries(self) -> tuple[Entry, ...]:
         """The lines in the order of the file."""
         found = []
-        for section, fields in self.model_extra.items():
+        for section, fields in self.__pydantic_extra__.items():
             for field, given in fields.items():
                 if isinstance(given, Distribution):
                     found.append(Entry(section, field, None, given))
