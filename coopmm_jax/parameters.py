@@ -10,9 +10,9 @@ rollout is written on scalars and ``jax.vmap`` adds the batch axis. Defaults are
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-Scalar = Any  # a Python float, or a scalar jax.Array inside a traced rollout
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
 
 
 class Geometry(NamedTuple):
@@ -53,8 +53,8 @@ class Surface(NamedTuple):
 class Plant(NamedTuple):
     """What is simulated: two robots, their coupling, gravity [m/s^2]."""
 
-    geometry: tuple[Geometry, Geometry] = (Geometry(), Geometry())
-    inertia: tuple[Inertia, Inertia] = (Inertia(), Inertia(m_obj=0.5))
+    geometry: Pair[Geometry] = (Geometry(), Geometry())
+    inertia: Pair[Inertia] = (Inertia(), Inertia(m_obj=0.5))
     surface: Surface = Surface()
     gravity: Scalar = 9.81
 
@@ -68,11 +68,11 @@ class Gains(NamedTuple):
     k3: Scalar = 5.0
     K_a: Scalar = 2.0  # (13)
     K_u: Scalar = 1.0  # arm entries of sigma's integral
-    K_sigma: tuple[Scalar, ...] = (0.5,) * 6  # one per independent velocity
-    gamma: tuple[Scalar, ...] = (0.1,) * 5  # adaptation rates (20)-(24)
-    c_hat0: tuple[Scalar, ...] = (1.0,) * 5
-    K_lambda: tuple[Scalar, ...] = (0.3,) * 4  # one per constraint row, > -1
-    K_I: tuple[Scalar, ...] = (1.5,) * 4  # [1/s]
+    K_sigma: Vector = (0.5,) * 6  # one per independent velocity
+    gamma: Vector = (0.1,) * 5  # adaptation rates (20)-(24)
+    c_hat0: Vector = (1.0,) * 5
+    K_lambda: Vector = (0.3,) * 4  # one per constraint row, > -1
+    K_I: Vector = (1.5,) * 4  # [1/s]
     beta: Scalar = 1.0  # bounds of Property 2.2
     lam_min: Scalar = 1.0
     delta_floor: Scalar = 0.0  # lower bound of delta_k(t) in (19)
@@ -92,9 +92,9 @@ class Reference(NamedTuple):
     """Desired motion and force of section IV."""
 
     rate: Scalar = 1.0  # u_d1, platform yaw rate [rad/s]
-    radius: tuple[Scalar, Scalar] = (2.4, 1.0)  # z_d2 of each robot [m]
-    arm_centre: tuple[Scalar, Scalar] = (math.pi / 2, math.pi / 2)  # [rad]
-    arm_swing: tuple[Scalar, Scalar] = (math.pi / 6, 0.0)  # a1_d = centre - swing cos(arm_rate t) [rad]
+    radius: Pair[Scalar] = (2.4, 1.0)  # z_d2 of each robot [m]
+    arm_centre: Pair[Scalar] = (math.pi / 2, math.pi / 2)  # [rad]
+    arm_swing: Pair[Scalar] = (math.pi / 6, 0.0)  # a1_d = centre - swing cos(arm_rate t) [rad]
     arm_rate: Scalar = 1.0  # [rad/s]
     contact_force: Scalar = 15.0  # lambda_d of the contact normal [N]
 
@@ -111,14 +111,14 @@ class Pose(NamedTuple):
 
 
 class Hardware(NamedTuple):
-    """What separates a real loop from the paper's: every default is the ideal. See ``Structure.features``."""
+    """What separates a real loop from the paper's: every default is the ideal. See ``Features``."""
 
     force_lag: Scalar = 0.0  # time constant of the force sensor [s]
     force_bias: Scalar = 0.0  # of every measured row [N]
     force_noise: Scalar = 0.0  # standard deviations, per sample [N]
     encoder_noise: Scalar = 0.0  # of z1, z2, z3 and the joint angles [rad, m]
     velocity_noise: Scalar = 0.0  # of the independent velocities [rad/s, m/s]
-    noise_seed: tuple[Scalar, Scalar] = (0.0, 0.0)  # the run's seed: upper and lower 16 bits, so exact in float32 too
+    noise_seed: Pair[Scalar] = (0.0, 0.0)  # the run's seed: upper and lower 16 bits, so exact in float32 too
     noise_stream: Scalar = 0.0  # which of the seed's streams (a sweep's sample), a whole number below 2^24
     wheel_limit: Scalar = math.inf  # torque limits [N m]
     joint_limit: Scalar = math.inf
@@ -142,15 +142,34 @@ class Parameters(NamedTuple):
     """Everything numeric a rollout depends on: differentiate or vmap over any part of it."""
 
     plant: Plant = Plant()
-    nominal: tuple[Inertia, Inertia] = (Inertia(), Inertia(m_obj=0.5))  # the controller's model
+    nominal: Pair[Inertia] = (Inertia(), Inertia(m_obj=0.5))  # the controller's model
     gains: Gains = Gains()
     disturbance: Disturbance = Disturbance()
     reference: Reference = Reference()
-    start: tuple[Pose, Pose] = PAPER_START
+    start: Pair[Pose] = PAPER_START
     hardware: Hardware = Hardware()
 
 
 ALL_ROWS = ("contact_normal", "contact_height", "guide_radial", "guide_height")
+
+
+class Features(NamedTuple):
+    """Parts of ``Hardware`` in force: each adds terms or states, so the ideal loop does without any."""
+
+    force_lag: bool = False
+    force_bias: bool = False
+    noise: bool = False
+    torque_limits: bool = False  # clipped
+    smooth_limits: bool = False  # smoothly limited, for gradients
+    actuator_lag: bool = False
+    friction: bool = False  # of wheels and joints
+    tip_friction: bool = False
+    surface_motion: bool = False
+
+    @property
+    def limits(self) -> bool:
+        """Whether torques are limited, in either form."""
+        return self.torque_limits or self.smooth_limits
 
 
 class Structure(NamedTuple):
@@ -166,18 +185,4 @@ class Structure(NamedTuple):
     feedforward: str = "projected"  # projected | full: how U1 + U2 becomes a force on all joints
     substeps: int = 0  # integration steps per control period; 0: the controller runs in continuous time
     force_delay: int = 0  # whole samples by which the measured force is late
-    features: tuple[str, ...] = ()  # of FEATURES: which parts of ``Hardware`` are in force
-
-
-# Each adds terms or states to the loop, so it is switched statically and costs the ideal loop nothing.
-FEATURES = (
-    "force_lag",
-    "force_bias",
-    "noise",
-    "torque_limits",
-    "smooth_limits",
-    "actuator_lag",
-    "friction",
-    "tip_friction",
-    "surface_motion",
-)
+    features: Features = Features()

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from coopmm_jax.loop.devices import limited
 from coopmm_jax.mechanics.friction import friction_torque, smooth_sign
-from coopmm_jax.parameters import Hardware, Structure
+from coopmm_jax.parameters import Features, Hardware, Structure
 from tests import limits_worker
 from tests.oracles import hardware
 from tests.workers import run_worker
 
-SMOOTH, HARD = (Structure(features=(form,)) for form in ("smooth_limits", "torque_limits"))
+SMOOTH, HARD = (Structure(features=Features(**{form: True})) for form in ("smooth_limits", "torque_limits"))
 WIDE = Hardware(wheel_limit=100.0, joint_limit=60.0)
 torques = st.floats(-1e300, 1e300)
 

@@ -9,7 +9,7 @@ from coopmm_jax.loop.rollout import as_scalars
 from coopmm_jax.loop.start import initial_state
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.parameters import Hardware, Parameters, Structure
+from coopmm_jax.parameters import Features, Hardware, Parameters, Structure
 from coopmm_jax.scenario.scenario import load_scenario
 from tests.runs_apart import runs_apart
 
@@ -41,7 +41,7 @@ def test_delay_is_a_number_of_samples(delay):
 @pytest.mark.parametrize("delay", [0, 1, 3])
 def test_lag_is_exact_for_a_force_that_changes_at_samples(delay):
     forces = np.random.default_rng(0).uniform(-20, 20, 12)
-    structure = Structure(rows=("contact_normal",), substeps=1, force_delay=delay, features=("force_lag",))
+    structure = Structure(rows=("contact_normal",), substeps=1, force_delay=delay, features=Features(force_lag=True))
     expected = [0.0]
     for arriving in [*[0.0] * delay, *forces][: len(forces) - 1]:
         expected.append(arriving + (expected[-1] - arriving) * KEEP)
@@ -50,13 +50,15 @@ def test_lag_is_exact_for_a_force_that_changes_at_samples(delay):
 
 def test_noise_is_of_the_force_before_delay_and_lag():
     forces, errors = np.random.default_rng(0).uniform(-20, 20, (2, 12))
-    structure = Structure(rows=("contact_normal",), substeps=1, force_delay=2, features=("force_lag", "noise"))
+    structure = Structure(
+        rows=("contact_normal",), substeps=1, force_delay=2, features=Features(force_lag=True, noise=True)
+    )
     np.testing.assert_array_equal(shown(structure, forces, errors), shown(structure, forces + errors))
 
 
 @pytest.mark.parametrize("further", [(), ("actuator_lag",), ("torque_limits",)])
 def test_ideal_sensor_shows_the_force_its_own_torque_causes_with_its_bias(further):
-    features = ("force_bias", *further)
+    features = Features(force_bias=True, **dict.fromkeys(further, True))
     hardware = Hardware(force_bias=2.5, actuator_lag=0.01, wheel_limit=5.0, joint_limit=1.0)
     parameters, structure = as_scalars(Parameters(hardware=hardware), float), Structure(features=features)
     model = build_model(parameters)

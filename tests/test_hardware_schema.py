@@ -6,7 +6,7 @@ import pytest
 
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import FEATURES, Hardware, Structure
+from coopmm_jax.parameters import Features, Hardware, Structure
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.sections import hardware as hardware_schema
 
@@ -30,14 +30,14 @@ def test_paper_is_ideal():
         scenario = load_scenario(name)
         assert scenario.parameters().hardware == Hardware()
         structure = scenario.structure()
-        assert (structure.features, structure.substeps, structure.force_delay) == ((), 0, 0)
+        assert (structure.features, structure.substeps, structure.force_delay) == (Features(), 0, 0)
 
 
-@pytest.mark.parametrize("feature", FEATURES)
+@pytest.mark.parametrize("feature", Features._fields)
 def test_each_feature_is_switched_on_by_its_numbers_and_by_nothing_else(feature):
     scenario = Scenario().with_overrides(SWITCHES[feature])
     others = {"actuator_lag"} if feature == "tip_friction" else set()
-    assert set(scenario.structure().features) == {feature} | others
+    assert scenario.structure().features == Features(**dict.fromkeys({feature} | others, True))
 
 
 def test_numbers_that_only_shape_a_feature_do_not_switch_it_on():
@@ -53,7 +53,9 @@ def test_numbers_that_only_shape_a_feature_do_not_switch_it_on():
 
 def test_a_field_that_varies_counts_whatever_its_value():
     sections = hardware_schema.HardwareSections()
-    assert sections.features(varied={"sensing.force_lag", "actuators.wheel_coulomb"}) == ("force_lag", "friction")
+    assert sections.features(varied={"sensing.force_lag", "actuators.wheel_coulomb"}) == Features(
+        force_lag=True, friction=True
+    )
 
 
 def test_every_number_reaches_the_rollout():
@@ -94,8 +96,9 @@ def test_substeps_and_samples(period, step, substeps):
 
 def test_rough_is_sensed_with_all_that_disturbs_it():
     sensed, rough = load_scenario("sensed"), load_scenario("rough")
-    assert set(rough.structure().features) == set(FEATURES) - {"force_bias", "smooth_limits"}
-    assert set(sensed.structure().features) == {"force_lag", "torque_limits"}
+    everything = Features(*(True,) * len(Features._fields))
+    assert rough.structure().features == everything._replace(force_bias=False, smooth_limits=False)
+    assert sensed.structure().features == Features(force_lag=True, torque_limits=True)
     hardware = sensed.parameters().hardware
     assert hardware == Hardware(force_lag=0.005, wheel_limit=100.0, joint_limit=60.0)
     assert sensed.structure().substeps == 1

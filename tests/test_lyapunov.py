@@ -16,7 +16,17 @@ from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.robot_kinematics import Position
-from coopmm_jax.parameters import ALL_ROWS, Disturbance, Gains, Inertia, Parameters, Plant, Reference, Structure
+from coopmm_jax.parameters import (
+    ALL_ROWS,
+    Disturbance,
+    Features,
+    Gains,
+    Inertia,
+    Parameters,
+    Plant,
+    Reference,
+    Structure,
+)
 from coopmm_jax.proof import lyapunov
 from coopmm_jax.proof import terms as proof_terms
 from tests.oracles import lagrangian
@@ -217,7 +227,7 @@ def test_what_cannot_be_analysed_is_named(change, field):
         lyapunov.analyse(cm.simulate(scenario), every=0 if field == "every" else 1)
 
 
-@pytest.mark.parametrize("real", [{"substeps": 1}, {"force_delay": 1}, {"features": ("torque_limits",)}])
+@pytest.mark.parametrize("real", [{"substeps": 1}, {"force_delay": 1}, {"features": Features(torque_limits=True)}])
 def test_real_loops_are_outside_the_proof(real):
     with pytest.raises(UserError, match=r"^scenario: must be the proof's loop"):
         lyapunov.analyse_states(Structure(**real), Parameters(), *random_states(0))

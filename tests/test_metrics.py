@@ -8,7 +8,7 @@ import pytest
 
 import coopmm_jax as cm
 from coopmm_jax.metrics import observer as metrics
-from coopmm_jax.parameters import Hardware, Parameters, Structure
+from coopmm_jax.parameters import Features, Hardware, Parameters, Structure
 
 STEP = 1e-3
 NORMAL_ROW_ONLY = Structure(rows=("contact_normal",))
@@ -212,7 +212,9 @@ def test_saturation_is_a_command_beyond_the_limit(limits):
     commands = [((9.0, -12.0, 6.0, 5.0, 0.0), (0.0,) * 5), ((0.0,) * 5, (0.0, 7.0, -5.0, 0.0, -5.5))]
     samples = [SimpleNamespace(**vars(sample(15.0, 1.0)), commanded=command) for command in commands]
     hardware = Hardware(wheel_limit=10.0, joint_limit=5.0)
-    limited = gathered(samples, 1.0, NORMAL_ROW_ONLY._replace(features=("force_lag", limits)), hardware)
+    limited = gathered(
+        samples, 1.0, NORMAL_ROW_ONLY._replace(features=Features(force_lag=True, **{limits: True})), hardware
+    )
     assert limited["saturation_fraction"] == 3 / 20
     assert gathered(samples, 1.0, hardware=hardware)["saturation_fraction"] == 0.0
 

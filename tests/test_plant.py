@@ -9,7 +9,7 @@ import pytest
 from coopmm_jax.mechanics import plant, robot_kinematics
 from coopmm_jax.mechanics.constraints import sliding_rows
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.parameters import Disturbance, Hardware, Parameters, Structure
+from coopmm_jax.parameters import Disturbance, Features, Hardware, Parameters, Structure
 from tests.oracles import hardware, lagrangian
 from tests.samples import ROW_SETS, assert_close, joined, positions, random_pair, vector
 
@@ -36,7 +36,7 @@ class Case:
         pair, self.q = random_pair(rng)
         disturbance = Disturbance(scale=2.0, phase=0.3)
         self.parameters = Parameters(plant=pair, nominal=pair.inertia, disturbance=disturbance, hardware=REAL)
-        self.structure = Structure(rows=rows, features=("friction", "tip_friction", "surface_motion"))
+        self.structure = Structure(rows=rows, features=Features(friction=True, tip_friction=True, surface_motion=True))
         self.model = build_model(self.parameters)
         independent = tuple(rng.uniform(-1, 1, 10 - len(rows)).tolist())
         self.kinematics = plant.plant_kinematics(self.structure, self.model, NOW, positions(self.q), independent)

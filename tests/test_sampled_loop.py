@@ -17,7 +17,7 @@ from coopmm_jax.loop.sampled_loop import sampled_step
 from coopmm_jax.loop.start import initial_state
 from coopmm_jax.mechanics.disturbance import disturbance_torque
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.parameters import ALL_ROWS, Hardware, Parameters, Structure
+from coopmm_jax.parameters import ALL_ROWS, Features, Hardware, Parameters, Structure
 from coopmm_jax.scenario.scenario import load_scenario
 from tests.oracles import lagrangian
 from tests.runs_apart import runs_apart
@@ -26,9 +26,9 @@ from tests.samples import poses
 PAPER = Parameters()
 HORIZON = 0.5
 SAMPLED = Structure(substeps=1)
-LAGGING = Structure(features=("force_lag", "actuator_lag"))
+LAGGING = Structure(features=Features(force_lag=True, actuator_lag=True))
 DELAYED = Structure(substeps=1, force_delay=1, feedforward="full")
-NOISY = DELAYED._replace(features=("noise",))
+NOISY = DELAYED._replace(features=Features(noise=True))
 
 
 def orders(sizes, runs, exact):
@@ -138,7 +138,7 @@ def ideal_period(moving):
     ["force_bias", "noise", "torque_limits", "smooth_limits", "friction", "tip_friction", "surface_motion"],
 )
 def test_feature_with_ideal_numbers_changes_no_bit(moving, ideal_period, feature):
-    with_feature = one_period(DELAYED._replace(features=(feature,)), moving, 1e-3)
+    with_feature = one_period(DELAYED._replace(features=Features(**{feature: True})), moving, 1e-3)
     assert np.array_equal(jax.tree.leaves(with_feature), jax.tree.leaves(ideal_period))
 
 

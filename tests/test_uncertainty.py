@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Inertia
+from coopmm_jax.parameters import Features, Inertia
 from coopmm_jax.scenario import sampling
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import load_scenario
@@ -107,8 +107,8 @@ def test_names_units_and_meanings():
 
 def test_effects_whose_numbers_vary_are_in_force():
     variation = varied(sensing__force_lag={"distribution": "uniform", "low": 0.001, "high": 0.01})
-    assert variation.structure().features == ("force_lag",)
-    assert variation.scenario.structure().features == ()
+    assert variation.structure().features == Features(force_lag=True)
+    assert variation.scenario.structure().features == Features()
 
 
 @pytest.mark.parametrize("method", sampling.METHODS)

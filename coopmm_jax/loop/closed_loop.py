@@ -27,7 +27,7 @@ def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> 
     """
     truth = plant_kinematics(structure, model, t, state.position, state.velocity)
     seen = truth
-    if "surface_motion" in structure.features:
+    if structure.features.surface_motion:
         seen = kinematics(model, structure.rows, state.position, state.velocity)
     now = Instant(structure, model, t, truth, seen, state)
     command = motion_control(structure, model, t, seen, state.velocity, state.controller)

@@ -43,9 +43,9 @@ def limited(structure: Structure, hardware: Hardware, torque: Vector) -> Vector:
     and never beyond it, whose gradient does not vanish at once.
     """
     limits = torque_limits(hardware)
-    if "smooth_limits" in structure.features:
+    if structure.features.smooth_limits:
         return tuple(_smoothly(x, limit) for x, limit in zip(torque, limits, strict=True))
-    if "torque_limits" in structure.features:
+    if structure.features.torque_limits:
         return tuple(jnp.clip(x, -limit, limit) for x, limit in zip(torque, limits, strict=True))
     return torque
 
@@ -72,21 +72,21 @@ def device_rates(structure: Structure, model: Model, target: Pair[Vector], force
         devices: where they stand.
     """
     torque, shown = (), ()
-    if "actuator_lag" in structure.features:
+    if structure.features.actuator_lag:
         torque = torque_rates(model, target, devices.torque)
-    if "force_lag" in structure.features:
+    if structure.features.force_lag:
         shown = scaled(1.0 / model.hardware.force_lag, minus(forces, devices.force))
     return Devices(torque, shown)
 
 
 def ideal_sensing(structure: Structure) -> bool:
     """Whether the controller sees the force that its own torque causes, in the same instant."""
-    return "force_lag" not in structure.features and structure.force_delay == 0
+    return not structure.features.force_lag and structure.force_delay == 0
 
 
 def biased(structure: Structure, model: Model, force: Vector) -> Vector:
     """A measured constraint force (m,) with the sensor's bias [N]."""
-    if "force_bias" not in structure.features:
+    if not structure.features.force_bias:
         return force
     return tuple(x + model.hardware.force_bias for x in force)
 
@@ -132,7 +132,7 @@ def sense(
     if late:
         arriving, late = late[0], (*late[1:], arriving)
     shown = arriving
-    if "force_lag" in structure.features:
+    if structure.features.force_lag:
         keep = jnp.exp(-period / model.hardware.force_lag)
         shown = tuple(keep * old + (1.0 - keep) * new for old, new in zip(devices.force, arriving, strict=True))
     return devices._replace(force=shown, late_forces=late)
@@ -141,9 +141,9 @@ def sense(
 def initial_devices(structure: Structure, zero: Scalar) -> Devices:
     """Sensors and actuators at rest; ``zero`` is a scalar of the rollout's dtype."""
     force = (zero,) * len(structure.rows)
-    waiting = structure.force_delay if "force_lag" in structure.features else structure.force_delay - 1
+    waiting = structure.force_delay if structure.features.force_lag else structure.force_delay - 1
     return Devices(
-        torque=(zero,) * (ROBOTS * ACTUATORS) if "actuator_lag" in structure.features else (),
+        torque=(zero,) * (ROBOTS * ACTUATORS) if structure.features.actuator_lag else (),
         force=() if ideal_sensing(structure) else force,
         late_forces=(force,) * max(waiting, 0),
     )

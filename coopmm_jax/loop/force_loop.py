@@ -40,7 +40,7 @@ def act(now: Instant, command: MotionCommand) -> Action:
     """
     if not ideal_sensing(now.structure):
         return _with_late_sensor(now, command)
-    if "actuator_lag" in now.structure.features:
+    if now.structure.features.actuator_lag:
         return _with_lagging_actuators(now, command)
     return _at_once(now, command)
 
@@ -49,7 +49,7 @@ def _with_late_sensor(now: Instant, command: MotionCommand) -> Action:
     """The error is that of the force which the sensor shows."""
     error = _error(now, now.state.devices.force)
     commanded, target = _torques(now, command, _feedback(now, error))
-    lagging = "actuator_lag" in now.structure.features
+    lagging = now.structure.features.actuator_lag
     applied = by_robot(now.state.devices.torque) if lagging else target
     return Action(error, commanded, target, applied, _response(now, applied))
 
@@ -82,8 +82,8 @@ def _at_once(now: Instant, command: MotionCommand) -> Action:
 
 
 def _solution_is_exact(structure: Structure) -> bool:
-    touched = {"torque_limits", "smooth_limits", "noise", "tip_friction"}
-    return not touched & set(structure.features)
+    features = structure.features
+    return not (features.limits or features.noise or features.tip_friction)
 
 
 def _desired(now: Instant) -> Vector:

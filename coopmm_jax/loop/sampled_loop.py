@@ -77,8 +77,8 @@ def _measure(
     structure: Structure, model: Model, sample: Scalar, truth: Kinematics, state: State
 ) -> tuple[Kinematics, Vector, Noise | None]:
     """What the controller takes the robots' state for, and the sample's noise."""
-    noise = draw_noise(structure, model, sample) if "noise" in structure.features else None
-    if noise is None and "surface_motion" not in structure.features:
+    noise = draw_noise(structure, model, sample) if structure.features.noise else None
+    if noise is None and not structure.features.surface_motion:
         return truth, state.velocity, None
     position, independent = state.position, state.velocity
     if noise is not None:
@@ -97,7 +97,7 @@ def _hold(
     target: Pair[Vector],
 ) -> tuple[_Motion, Vector]:
     """Robots and actuators over one period under a constant torque command; also lambda (m,) at its start."""
-    lagging = "actuator_lag" in structure.features
+    lagging = structure.features.actuator_lag
 
     def field(known: tuple, at: Scalar, x: _Motion) -> tuple[_Motion, Vector]:
         *parts, target = known

@@ -30,7 +30,7 @@ def plant_kinematics(
     structure: Structure, model: Model, t: Scalar, position: Pair[Position], independent: Vector
 ) -> Kinematics:
     """The true constrained motion (10) at t [s], moving surface included; ``independent`` is u^1 (n,)."""
-    moving = "surface_motion" in structure.features
+    moving = structure.features.surface_motion
     motion = surface_motion(model.hardware, model.surface, t) if moving else None
     return kinematics(model, structure.rows, position, independent, motion)
 
@@ -41,12 +41,12 @@ def respond(structure: Structure, model: Model, t: Scalar, k: Kinematics, force:
 
     def driving(exerted: Vector, geometry: Geometry, position: Position, u: Vector) -> Vector:
         losses = opposing
-        if "friction" in structure.features:
+        if structure.features.friction:
             losses = plus(opposing, friction_torque(model.hardware, actuator_rates(geometry, position, u)))
         return minus(exerted, actuator_force(geometry, position, losses))
 
     left = per_robot(driving, force, model.geometry, k.bodies.position, k.velocity)
-    friction = tip_friction(model, k) if "tip_friction" in structure.features else None
+    friction = tip_friction(model, k) if structure.features.tip_friction else None
     return constrained_accelerations(model, k, left, friction)
 
 

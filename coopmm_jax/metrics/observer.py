@@ -183,7 +183,7 @@ def _last(structure: Structure, total: Total, signals: Signals, errors: dict[str
 
 def _saturated(structure: Structure, hardware: Hardware, signals: Signals) -> Scalar:
     """How many of the ten actuators are asked for more than they can give; lag and smoothing play no part in it."""
-    if not {"torque_limits", "smooth_limits"} & set(structure.features):
+    if not structure.features.limits:
         return 0.0
     limits = torque_limits(hardware)
     return sum(

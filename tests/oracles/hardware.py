@@ -14,7 +14,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax.parameters import Disturbance, Hardware, Parameters, Plant, Scalar
+from coopmm_jax.algebra.types import Scalar
+from coopmm_jax.parameters import Disturbance, Hardware, Parameters, Plant
 from tests.oracles import lagrangian
 
 

@@ -25,7 +25,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax.parameters import ALL_ROWS, Geometry, Inertia, Plant, Scalar
+from coopmm_jax.algebra.types import Scalar
+from coopmm_jax.parameters import ALL_ROWS, Geometry, Inertia, Plant
 
 Terms = tuple[np.ndarray, np.ndarray]  # a matrix and the vector that goes with it
 

@@ -150,7 +150,7 @@ def _terms(structure: Structure, parameters: Parameters, t: Scalar, signals: Sig
 
 def _excess(structure: Structure, parameters: Parameters, signals: Signals) -> Scalar:
     """Squared torque asked for beyond the limits [N^2 m^2]; 0 without limits."""
-    if not {"torque_limits", "smooth_limits"} & set(structure.features):
+    if not structure.features.limits:
         return 0.0
     limits = torque_limits(parameters.hardware)
     beyond = (jnp.abs(x) - limit for robot in signals.commanded for x, limit in zip(robot, limits, strict=True))

@@ -100,8 +100,8 @@ class HardwareSections(Section):
             noise_stream=float(stream),
         )
 
-    def features(self, varied: Collection[str] = ()) -> tuple[str, ...]:
-        """The parts of ``parameters.FEATURES`` in force.
+    def features(self, varied: Collection[str] = ()) -> parameters.Features:
+        """Parts of the hardware in force.
 
         Args:
             varied: fields ("sensing.force_lag") that an uncertainty changes, so that they count whatever their value.
@@ -115,18 +115,17 @@ class HardwareSections(Section):
 
         limited = used("actuators", "wheel_limit", "joint_limit")
         friction = (f"{part}_{kind}" for part in ("wheel", "joint") for kind in ("viscous", "coulomb"))
-        table = {
-            "force_lag": used("sensing", "force_lag"),
-            "force_bias": used("sensing", "force_bias"),
-            "noise": used("sensing", "force_noise", "encoder_noise", "velocity_noise"),
-            "torque_limits": limited and self.actuators.limit_form == "hard",
-            "smooth_limits": limited and self.actuators.limit_form == "smooth",
-            "actuator_lag": used("actuators", "lag"),
-            "friction": used("actuators", *friction),
-            "tip_friction": used("contact", "tip_friction"),
-            "surface_motion": used("contact", "surface_amplitude"),
-        }
-        return tuple(name for name in parameters.FEATURES if table[name])
+        return parameters.Features(
+            force_lag=used("sensing", "force_lag"),
+            force_bias=used("sensing", "force_bias"),
+            noise=used("sensing", "force_noise", "encoder_noise", "velocity_noise"),
+            torque_limits=limited and self.actuators.limit_form == "hard",
+            smooth_limits=limited and self.actuators.limit_form == "smooth",
+            actuator_lag=used("actuators", "lag"),
+            friction=used("actuators", *friction),
+            tip_friction=used("contact", "tip_friction"),
+            surface_motion=used("contact", "surface_amplitude"),
+        )
 
     @model_validator(mode="after")
     def _what_sampling_needs(self) -> HardwareSections:
