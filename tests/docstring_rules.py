@@ -1,4 +1,4 @@
-"""What a docstring has to say, checked on source text: importing would hide what decorators replace."""
+"""Rules for docstrings, checked on source text: importing would hide what decorators replace."""
 
 import ast
 import re
@@ -9,6 +9,9 @@ NUMBERS = {"Array", "Matrix", "Scalar", "Vector", "float", "ndarray"}  # annotat
 AXIS = r"(?:\.\.\.|[A-Za-z]\w{0,6}|\d+)"
 SHAPE = re.compile(rf"\((?:{AXIS}, ?)+{AXIS}?\)|\(\.\.\.\)|\b\w x \w\b|of one length|\b[Ss]calars?\b")
 UNIT = re.compile(r"\[[^\[\]]+\]")
+QUESTION = re.compile(r"(What|Which|How|Whether|Where|When|Why)\b")
+ARGUMENTS = re.compile(r"^Args:\n((?: {4,}.*\n?|\n)+)", flags=re.MULTILINE)
+ENTRY = re.compile(r" {4}\*{0,2}(\w+): ")
 EQUATIONS = re.compile(r"\((\d{1,2})\)(?:-\((\d{1,2})\))?")
 
 
@@ -39,7 +42,7 @@ def definitions(module: str, source: str) -> list[Definition]:
 
 
 def complaints(definition: Definition) -> list[str]:
-    """What is wrong with the docstring of a definition."""
+    """Faults of the docstring of a definition."""
     doc = ast.get_docstring(definition.node)
     if not doc:
         return [f"{definition.name}: no docstring"]
@@ -54,11 +57,43 @@ def complaints(definition: Definition) -> list[str]:
     return said
 
 
+def wording(module: str, source: str) -> list[str]:
+    """Complaints about how the docstrings of a module, private ones included, begin and list arguments."""
+    said = []
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            continue
+        doc, name = ast.get_docstring(node) or "", f"{module}.{getattr(node, 'name', '')}".rstrip(".")
+        if QUESTION.match(doc):
+            said.append(f"{name}: begins like a question, not with a verb or a noun: {doc.splitlines()[0]}")
+        if isinstance(node, ast.FunctionDef) and (block := ARGUMENTS.search(doc)):
+            said += [f"{name}: {complaint}" for complaint in _listed(node, block[1])]
+    return said
+
+
+def _listed(function: ast.FunctionDef, block: str) -> Iterator[str]:
+    """Complaints about the lines below Args."""
+    arguments = function.args
+    several = [argument for argument in (arguments.vararg, arguments.kwarg) if argument is not None]
+    known = {each.arg for each in [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs, *several]}
+    for line in block.splitlines():
+        found = ENTRY.match(line)
+        if line.strip() and not line.startswith(" " * 5) and not (found and found[1] in known):
+            yield f"below Args, not one of its arguments and a colon: {line.strip()}"
+        inside = set(re.findall(r"(?:[.;\]] |, )(\w+): ", line)) & known
+        if inside:
+            yield f"several arguments on one line: {line.strip()}"
+
+
 def equations(source: str) -> set[int]:
-    """Numbers of the equations that a module's docstrings name, ranges like (12)-(15) filled."""
+    """Numbers of the equations that a module's docstrings name."""
     nodes = ast.walk(ast.parse(source))
     documented = (node for node in nodes if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef))
-    text = "\n".join(ast.get_docstring(node) or "" for node in documented)
+    return numbers("\n".join(ast.get_docstring(node) or "" for node in documented))
+
+
+def numbers(text: str) -> set[int]:
+    """Numbers of the equations in a text, ranges like (12)-(15) filled."""
     pairs = ((int(first), int(last or first)) for first, last in EQUATIONS.findall(text))
     return {number for first, last in pairs for number in range(first, last + 1)}
 

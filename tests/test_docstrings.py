@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.docstring_rules import complaints, definitions, equations
+from tests import equation_map
+from tests.docstring_rules import complaints, definitions, equations, numbers
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("coopmm_jax", "experiments", "tuning")
@@ -19,31 +20,6 @@ SOURCES = {
 }
 EXAMPLES = [module for module, source in SOURCES.items() if ">>> " in source]
 
-# The equations of the paper that each module implements or plots.
-IMPLEMENTED = {
-    "loop.closed_loop": {11, *range(12, 25)},
-    "mechanics.constraints": {10},
-    "control.adaptive": {19, 20, 21, 22, 23, 24},
-    "control.backstepping": {12, 13, 14, 15},
-    "control.controller": set(range(18, 25)),
-    "control.force": {17},
-    "control.motion": {8, 12, 13, 15, 17, 18, 19},
-    "loop.force_loop": {15, 17},
-    "mechanics.constrained_kinematics": {10},
-    "mechanics.disturbance": {1},
-    "mechanics.partitioning": {10, 40},
-    "mechanics.constrained_dynamics": {9, 11},
-    "proof.lyapunov": {31, 40},
-    "parameters": set(range(12, 25)),
-    "mechanics.plant": {1, 2, 11},
-    "plotting.control": {15, 18, 20, 21, 22, 23, 24},
-    "plotting.force": {9},
-    "plotting.motion": {6},
-    "proof.terms": set(range(30, 41)),
-    "control.reference": {6, 12, 13},
-    "mechanics.robot_kinematics": {6, 7, 8, 9},
-    "mechanics.robot_dynamics": {5, 9},
-}
 BAD = '''
 """A module on (3) and (5)-(7)."""
 
@@ -124,9 +100,18 @@ def test_every_module_says_what_it_is():
     assert [module for module, source in SOURCES.items() if not ast.get_docstring(ast.parse(source))] == []
 
 
-@pytest.mark.parametrize("module", IMPLEMENTED)
+@pytest.mark.parametrize("module", equation_map.EQUATIONS)
 def test_equations_are_named_where_they_are_implemented(module):
-    assert equations(SOURCES[f"coopmm_jax.{module}"]) >= IMPLEMENTED[module]
+    listed, _ = equation_map.EQUATIONS[module]
+    assert equations(SOURCES[f"coopmm_jax.{module}"]) >= numbers(listed)
+
+
+def test_map_of_equations_is_complete_and_the_readme_prints_it():
+    listed = {number for text, _ in equation_map.EQUATIONS.values() for number in numbers(text)}
+    steps_between = {3, 4, *range(25, 30)}  # (4) puts (3) into (1); (25)-(29) put (12)-(18) into (8) and (11)
+    assert listed == set(range(1, 41)) - steps_between
+    readme = equation_map.README.read_text(encoding="utf-8")
+    assert readme == equation_map.written(readme), "python -m tests.equation_map writes it"
 
 
 @pytest.mark.parametrize("module", EXAMPLES)
