@@ -134,9 +134,9 @@ def cholesky_solve(A: Matrix, *right_sides: Sequence[Scalar]) -> list[Vector]:
     (Featherstone, Rigid Body Dynamics Algorithms, section 6.5).
     """
     n = len(A.rows)
-    U = [[0] * n for _ in range(n)]
-    UD = [[0] * n for _ in range(n)]
-    inverse_pivot = [0] * n
+    U: list[list[Scalar]] = [[0] * n for _ in range(n)]
+    UD: list[list[Scalar]] = [[0] * n for _ in range(n)]
+    inverse_pivot: list[Scalar] = [0] * n
     for j in reversed(range(n)):
         for i in range(j + 1):
             UD[i][j] = sub(A.rows[i][j], dot(UD[i][j + 1 :], U[j][j + 1 :]))

@@ -42,9 +42,9 @@ class TopView:
         plant = run.scenario.parameters().plant
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]", aspect="equal")
         for radius in run.scenario.parameters().reference.radius:
-            _circle(axes, radius, linestyle="-")
+            _circle(axes, float(radius), linestyle="-")
         if "guide_radial" in run.rows:
-            _circle(axes, plant.surface.guide_radius, linestyle=(0, (4, 3)))
+            _circle(axes, float(plant.surface.guide_radius), linestyle=(0, (4, 3)))
         self.cast = cast = Cast(axes)
         self._trails = [cast.line(color=TRAIL[i], linewidth=2.0) for i in _ROBOTS]
         self._outlines = [(*wheel_outlines(g), body_outline(g)) for g in plant.geometry]
@@ -112,7 +112,7 @@ class SideView:
             outlines = _platform_from_the_side(self._geometry[i], s.forward[k, i], along)
             for polygon, outline in zip(self._platforms[i], outlines, strict=True):
                 polygon.set_xy(outline + np.array([axle, 0.0]))
-            self._names[i].set_position((axle + 0.25 * np.sign(axle), 0.85 * self._geometry[i].r))
+            self._names[i].set_position((axle + 0.25 * np.sign(axle), 0.85 * float(self._geometry[i].r)))
         centre, height = (s.centre[k] - origin) @ along, s.joints[k, 1, 3, 2]
         nearest, farthest = centre + s.radius[k] * self._arc[0, 0], centre + s.radius[k] + THICKNESS
         self._object.set_xy(_box(nearest, farthest, height - HEIGHT / 2, height + HEIGHT / 2))
@@ -154,8 +154,8 @@ def extent(run: Trajectory, s: Skeleton) -> tuple[float, float, float]:
     """Visible distances of a run's views [m]: ``reach`` of the one, ``half_width`` and ``top`` of the other."""
     parameters = run.scenario.parameters()
     geometry = parameters.plant.geometry
-    half_track, wheel = max(g.l for g in geometry), max(g.r for g in geometry)
-    reach = max(np.abs(s.q[..., :2]).max(), *np.abs(parameters.reference.radius))
+    half_track, wheel = max(float(g.l) for g in geometry), max(float(g.r) for g in geometry)
+    reach = max(np.abs(s.q[..., :2]).max(), *(abs(float(radius)) for radius in parameters.reference.radius))
     from_object = s.q[..., :2] - s.joints[:, 1, None, 3, :2]
     farthest = np.abs((from_object * s.along[:, None]).sum(axis=-1)).max()
     highest = max(s.joints[..., 2].max(), 2.0 * wheel)
@@ -178,7 +178,7 @@ def _arc(run: Trajectory) -> np.ndarray:
 def _platform_from_the_side(geometry: Geometry, forward: np.ndarray, along: np.ndarray) -> list[np.ndarray]:
     """Outlines of the right wheel, the left wheel and the body, from the axle midpoint and the ground."""
     ahead, aside = forward @ along, np.array([forward[1], -forward[0]]) @ along
-    r, angle = geometry.r, np.linspace(-np.pi / 2.0, np.pi / 2.0, 19)
+    r, angle = float(geometry.r), np.linspace(-np.pi / 2.0, np.pi / 2.0, 19)
     half = r * (abs(ahead) * np.cos(angle) + WHEEL_HALF_THICKNESS * abs(aside))
     height = r + r * np.sin(angle)
     wheel = np.stack([np.concatenate([half, -half]), np.concatenate([height, height[::-1]])], axis=-1)

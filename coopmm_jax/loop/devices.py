@@ -80,7 +80,7 @@ def device_rates(structure: Structure, model: Model, target: Pair[Vector], force
 
 
 def ideal_sensing(structure: Structure) -> bool:
-    """Whether the controller sees the force that its own torque causes, in the same instant."""
+    """True if the controller sees the force that its own torque causes, in the same instant."""
     return not structure.features.force_lag and structure.force_delay == 0
 
 
@@ -97,11 +97,11 @@ def draw_noise(structure: Structure, model: Model, sample: Scalar) -> Noise:
     The key is folded from seed, stream and sample number, so a rollout's noise does not depend on the batch it is in.
     """
     hardware, n = model.hardware, JOINTS * ROBOTS - len(structure.rows)
-    upper, lower = (half.astype(jnp.uint32) for half in hardware.noise_seed)
-    key = jax.random.fold_in(jax.random.key((upper << 16) | lower), hardware.noise_stream.astype(jnp.uint32))
+    upper, lower, stream = (jnp.asarray(x).astype(jnp.uint32) for x in (*hardware.noise_seed, hardware.noise_stream))
+    key = jax.random.fold_in(jax.random.key((upper << 16) | lower), stream)
     coordinates = COORDINATES * ROBOTS
     count = coordinates + n + len(structure.rows)
-    values = jax.random.normal(jax.random.fold_in(key, sample), (count,), hardware.noise_stream.dtype)
+    values = jax.random.normal(jax.random.fold_in(key, sample), (count,), jnp.result_type(hardware.noise_stream))
     values = [values[i] for i in range(count)]
     encoders = [hardware.encoder_noise * x for x in values[:coordinates]]
     return Noise(

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from coopmm_jax.algebra.types import Vector
 from coopmm_jax.control.controller import ControllerState
 from coopmm_jax.errors import UserError
 from coopmm_jax.loop.state import State
@@ -180,16 +179,18 @@ def states_of(trajectory: Trajectory, every: int = 1) -> tuple[np.ndarray, State
     """Times (T,) [s] and states, leaves (T,), of one sample in ``every`` of a trajectory; in float64."""
     part = partitioning.partition(trajectory.rows)
 
-    def columns(values: np.ndarray) -> Vector:
+    def columns(values: np.ndarray) -> tuple[Any, ...]:  # arrays in the place of scalars
         return tuple(np.moveaxis(np.asarray(values, np.float64)[::every], 0, -1))
 
     position = per_robot(lambda i: _chained(*columns(np.asarray(trajectory.q)[:, i])), range(ROBOTS))
     velocity = per_robot(lambda i: columns(np.asarray(trajectory.velocity)[:, i]), range(ROBOTS))
     independent, _ = partitioning.parted(part, velocity)
-    recorded = (trajectory.integral, trajectory.eta, trajectory.c_hat, trajectory.force_integral)
-    state = State(position, independent, ControllerState(*map(columns, recorded)))
+    integral, eta, c_hat, force_integral = map(
+        columns, (trajectory.integral, trajectory.eta, trajectory.c_hat, trajectory.force_integral)
+    )
+    state = State(position, independent, ControllerState(integral, (eta[0], eta[1]), c_hat, force_integral))
     return np.asarray(trajectory.t, np.float64)[::every], state
 
 
-def _chained(x: np.ndarray, y: np.ndarray, th: np.ndarray, *arm: np.ndarray) -> Position:
+def _chained(x: Any, y: Any, th: Any, *arm: Any) -> Position:
     return Position(th, *in_platform(x, y, (np.sin(th), np.cos(th))), *arm)

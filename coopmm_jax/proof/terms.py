@@ -134,11 +134,11 @@ def _evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> Pr
     )
 
 
-def _stacked(like: Scalar, entries: Any) -> Scalar:
+def _stacked(like: Scalar, entries: Any) -> jax.Array:
     """Nested tuples of scalars, structural ones included, as one array over the instants of ``like``."""
     if isinstance(entries, tuple | list):
         return jnp.stack([_stacked(like, entry) for entry in entries])
-    return jnp.broadcast_to(jnp.asarray(entries, like.dtype), like.shape)
+    return jnp.broadcast_to(jnp.asarray(entries, jnp.result_type(like)), jnp.shape(like))
 
 
 def _V1_and_sigma(model: Model, part: partitioning.Partition, t: Scalar, state: State) -> tuple[Scalar, Vector]:
@@ -199,7 +199,7 @@ def _reduced(structure: Structure, model: Model, lumped: tuple[Lumped, Lumped], 
     n = len(state.velocity)
     moving = np.array([0.0] + [1.0] * (2 * n))[:, None]
     offsets = np.hstack([np.zeros((n, 1)), np.eye(n), -np.eye(n)])[:, :, None]
-    trials = tuple(moving * u[None] + offset for u, offset in zip(state.velocity, offsets, strict=True))
+    trials = tuple(moving * jnp.asarray(u)[None] + offset for u, offset in zip(state.velocity, offsets, strict=True))
     position = jax.tree.map(lambda x: x[None], state.position)
 
     k = kinematics(model, structure.rows, position, trials)
