@@ -58,7 +58,7 @@ def main():
     """Print value, reverse, forward, central (19 numbers each, NAMES sorted) and what the reverse pass needs [B]."""
     start_worker()
     gains = {name: tuple(map(float, getattr(PAPER.gains, name))) for name in NAMES}
-    plain, checkpointed = Plan.covering(STEPS, 1000), Plan.covering(STEPS, 50, checkpoint=True, packed=True)
+    plain, checkpointed = Plan.batch(STEPS, 1000), Plan.gradient(STEPS)
     reverse = jax.jit(jax.value_and_grad(lambda x: cost(x, checkpointed))).lower(gains).compile()
     checkpointed_value, gradient = reverse(gains)
     function = jax.jit(lambda x: cost(x, plain))

@@ -39,7 +39,7 @@ def results_with(form):
 
     def cost(gains):
         own = parameters._replace(gains=parameters.gains._replace(**gains))
-        plan = Plan.covering(STEPS, 50, checkpoint=True, packed=True)
+        plan = Plan.gradient(STEPS)
         return rollout(scenario.structure(), own, STEP, STEPS, plan, observer).total
 
     gains = {name: getattr(parameters.gains, name) for name in NAMES}

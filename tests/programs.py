@@ -27,7 +27,7 @@ class Program:
     def __init__(self, structure):
         def run(parameters, step, steps):
             self.traces += 1
-            return rollout(structure, parameters, step, steps, Plan.covering(self.STEPS), record=True)
+            return rollout(structure, parameters, step, steps, Plan.batch(self.STEPS), record=True)
 
         self.traces = 0  # how often JAX has traced the rollout: once per compilation
         self._run = jax.jit(run)

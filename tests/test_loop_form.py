@@ -1,5 +1,6 @@
 """A loop on vectors does what the loop on scalars does, and packs only what is read."""
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -10,6 +11,7 @@ import pytest
 from coopmm_jax.loop.form import Scalars, Vectors
 from coopmm_jax.loop.integrate import rk4_step
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
+from coopmm_jax.loop.state import Signals
 from coopmm_jax.parameters import Parameters, Structure
 
 
@@ -28,18 +30,20 @@ def spring_rates(constants, t, state):
     """Rates, and signals of which only the first is read."""
     stiffness, (damping, push) = constants[0]["stiffness"], constants[1]
     force = -stiffness * sum(state.at) - damping * state.speed + push * t
-    return Spring((state.speed, 2.0 * state.speed), force), {"force": force, "idle": (jnp.exp(force), state.speed)}
+    idle = (jnp.exp(force), state.speed)
+    signals = Signals(**dict.fromkeys(Signals._fields, ()) | {"constraint_force": (force,), "sigma": idle})
+    return Spring((state.speed, 2.0 * state.speed), force), signals
 
 
 def first_signal(signals):
-    return signals["force"] ** 2
+    return signals.constraint_force[0] ** 2
 
 
 def one_step(form, constants):
     """State after one step, and the signals before it."""
     start = form.pack(jax.tree.map(jnp.asarray, START))
-    state, signals = rk4_step(form.field(spring_rates, form.pack_each(constants), form.pack_read), 0.7, 0.1, start)
-    return form.unpack(state), form.unpack_read(signals)
+    field = partial(form.field(spring_rates), tuple(map(form.pack, constants)))
+    return form.unpack(rk4_step(field, 0.7, 0.1, start))
 
 
 @pytest.fixture
@@ -50,7 +54,8 @@ def vectors():
 def test_vectors_do_what_scalars_do(vectors):
     on_scalars, on_vectors = one_step(Scalars(), CONSTANTS), one_step(vectors, CONSTANTS)
     np.testing.assert_allclose(jax.tree.leaves(on_vectors[0]), jax.tree.leaves(on_scalars[0]), rtol=4e-16)
-    assert float(on_vectors[1]["force"]) == pytest.approx(float(on_scalars[1]["force"]), rel=4e-16)
+    (force,), (expected,) = (signals.constraint_force for _, signals in (on_vectors, on_scalars))
+    assert float(force) == pytest.approx(float(expected), rel=4e-16)
 
 
 def test_gradients_agree(vectors):
@@ -64,11 +69,11 @@ def test_gradients_agree(vectors):
 
 def test_only_what_is_read_is_packed(vectors):
     _, signals = spring_rates(CONSTANTS, 0.7, START)
-    packed = vectors.pack_read(signals)
+    packed = vectors.pack(signals)
     assert packed.values.shape == (1,)
-    back = vectors.unpack_read(packed)
-    assert float(back["force"]) == pytest.approx(float(signals["force"]), rel=1e-15)
-    assert [float(x) for x in back["idle"]] == [0.0, 0.0]
+    back = vectors.unpack(packed)
+    assert float(back.constraint_force[0]) == pytest.approx(float(signals.constraint_force[0]), rel=1e-15)
+    assert [float(x) for x in back.sigma] == [0.0, 0.0]
 
 
 def test_totals_keep_their_types():

@@ -50,7 +50,9 @@ def test_no_step_at_all(program):
 
 @pytest.mark.parametrize(("steps", "length", "segments"), [(10, 1, 11), (10, 5, 3), (9, 5, 2), (0, 7, 1)])
 def test_plan_covers_both_ends(steps, length, segments):
-    assert Plan.covering(steps, length) == Plan(segments, length)
+    assert Plan.batch(steps, length) == Plan(segments, length)
+    assert Plan.alone(steps, length) == Plan(segments, length, packed=True)
+    assert Plan.gradient(steps, length) == Plan(segments, length, checkpoint=True, packed=True)
 
 
 FAILURES = {

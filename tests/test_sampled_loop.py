@@ -96,7 +96,7 @@ def one_period(structure, moving, period):
     parameters, state = moving
     with jax.disable_jit():
         now, period = jnp.asarray(NOW), jnp.asarray(period)
-        return sampled_step(structure, build_model(parameters), Scalars(), jnp.int32(7), now, period, state)
+        return sampled_step(structure, Scalars(), build_model(parameters), jnp.int32(7), now, period, state)
 
 
 def oracle_rates(plant, disturbance, torque, t, state):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from coopmm_jax.algebra.types import Scalar
+import functools
+
+from coopmm_jax.algebra.types import PyTree, Scalar
 from coopmm_jax.control.controller import motion_control
 from coopmm_jax.loop.devices import device_rates
 from coopmm_jax.loop.force_loop import Instant, act, observe
+from coopmm_jax.loop.form import Form
+from coopmm_jax.loop.integrate import rk4_step
 from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import Model
@@ -39,3 +43,24 @@ def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> 
         device_rates(structure, model, action.target, action.moved.multipliers, state.devices),
     )
     return rates, observe(now, command.sigma, action)
+
+
+def continuous_step(
+    structure: Structure, form: Form, model: PyTree, number: Scalar, t: Scalar, step: Scalar, state: PyTree
+) -> tuple[PyTree, PyTree]:
+    """One RK4 step of the closed loop, with the arguments of ``sampled_step``.
+
+    Args:
+        structure: static choices.
+        form: of ``model`` (a ``Model``), of ``state`` (a ``State``) and of what comes back.
+        model: of the rollout.
+        number: of this step; continuous control does not ask.
+        t: its time [s].
+        step: its length [s].
+        state: at t.
+
+    Returns:
+        The state at t + step, and the signals at t.
+    """
+    field = form.field(functools.partial(closed_loop, structure))
+    return rk4_step(functools.partial(field, model), t, step, state)

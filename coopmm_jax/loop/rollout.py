@@ -2,7 +2,7 @@
 
 >>> import jax
 >>> from coopmm_jax.parameters import Parameters, Structure
->>> final = jax.jit(lambda p: rollout(Structure(), p, 1e-3, 2, Plan(1, 3)).state)(Parameters())
+>>> final = jax.jit(lambda p: rollout(Structure(), p, 1e-3, 2, Plan.alone(2)).state)(Parameters())
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.types import Scalar
-from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.algebra.types import Bool, PyTree, Scalar
+from coopmm_jax.loop.closed_loop import continuous_step
 from coopmm_jax.loop.form import Form, Packed, Scalars, Vectors
 from coopmm_jax.loop.health import Health, judge
-from coopmm_jax.loop.integrate import recomputed, rk4_step, scan_segments
+from coopmm_jax.loop.integrate import recomputed, scan_segments
 from coopmm_jax.loop.sampled_loop import sampled_step
-from coopmm_jax.loop.start import initial_state
+from coopmm_jax.loop.start import Start, initial_state
 from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics.model import Model, build_model
 from coopmm_jax.parameters import Parameters, Structure
@@ -33,37 +33,64 @@ class Plan(NamedTuple):
     """Static shape of a rollout: segments of a fixed number of steps, so that the horizon itself can be traced.
 
     One report is kept per segment (its first step), and with ``checkpoint`` one state for the reverse pass, which else
-    keeps 1.4 kB of each step. ``packed`` is for a rollout by itself and for every gradient (``loop_form``).
+    keeps 1.4 kB of each step. ``alone``, ``batch`` and ``gradient`` choose the fastest form for their purpose.
     """
 
     segments: int
     length: int
     checkpoint: bool = False
-    packed: bool = False
+    packed: bool = False  # carry vectors, see ``loop.form``
 
     @classmethod
-    def covering(cls, steps: int, length: int = 1, checkpoint: bool = False, packed: bool = False) -> Plan:
-        """The shortest plan whose samples include step 0 and step ``steps``."""
-        return cls(-(-(steps + 1) // length), length, checkpoint, packed)
+    def alone(cls, steps: int, length: int = 1) -> Plan:
+        """For one rollout of at most ``steps`` steps.
+
+        Args:
+            steps: to have room for.
+            length: steps from one report to the next.
+        """
+        return cls(_segments(steps, length), length, packed=True)
+
+    @classmethod
+    def batch(cls, steps: int, length: int = 1) -> Plan:
+        """For a batch of rollouts (``jax.vmap``), arguments as ``alone``."""
+        return cls(_segments(steps, length), length)
+
+    @classmethod
+    def gradient(cls, steps: int, length: int = 50, checkpoint: bool = True) -> Plan:
+        """For gradients of one rollout or of a batch.
+
+        Args:
+            steps: to have room for.
+            length: steps from one checkpoint to the next.
+            checkpoint: keep one state per segment and compute the rest again; without, every step is kept, which
+                compiles a third faster and takes 1.4 kB for each.
+        """
+        return cls(_segments(steps, length), length, checkpoint, packed=True)
+
+
+def _segments(steps: int, length: int) -> int:
+    """Segments whose samples include step 0 and step ``steps``."""
+    return -(-(steps + 1) // length)
 
 
 class Observer(NamedTuple):
     """What to accumulate along a rollout: a start value, a pytree of scalars, and how one sample adds to it."""
 
-    start: Any
-    update: Callable[[Any, Scalar, Signals], Any]  # (total, t, signals) -> total
+    start: PyTree
+    update: Callable[[PyTree, Scalar, Signals], PyTree]  # (total, t, signals) -> total
 
 
 class Rollout(NamedTuple):
     """Result of one rollout."""
 
     state: State  # at the end, or the last good one
-    total: Any  # of the observer
+    total: PyTree  # of the observer
     health: Health
-    record: Any  # (t, signals) at each segment's start, stacked; None unless recorded
+    record: PyTree  # (t, signals) at each segment's start, stacked; None unless recorded
 
 
-def as_scalars(tree: Any, dtype: Any) -> Any:
+def as_scalars(tree: PyTree, dtype: Any) -> PyTree:
     """A pytree with every leaf an array of one floating dtype, without disturbing batch axes."""
     return jax.tree.map(lambda x: jnp.asarray(x, dtype), tree)
 
@@ -80,10 +107,13 @@ def rollout(
     """Integrate the closed loop from its start by RK4.
 
     Args:
-        structure, plan, observer.update, record: static. parameters: pytree of scalars.
+        structure: static choices.
+        parameters: pytree of scalars.
         step: integration step, or control period where the controller is sampled [s].
-        steps: number of them, at most what ``plan`` covers; may be traced.
-        observer: accumulated at the samples 0..steps, both ends included. record: keep (t, signals) of each segment.
+        steps: number of them, at most as many as ``plan`` has room for; may be traced.
+        plan: static.
+        observer: accumulated at the samples 0..steps, both ends included; its ``update`` is static.
+        record: keep (t, signals) at each segment's start; static.
 
     Returns:
         ``Rollout``; after a failure the state, totals and records stay at their last good values.
@@ -91,45 +121,30 @@ def rollout(
     dtype = jnp.result_type(float)
     parameters, step = as_scalars(parameters, dtype), jnp.asarray(step, dtype)
     model = build_model(parameters)
-    state, residual, determinants = initial_state(structure, model, parameters)
-    reachable = residual < max(_START_TOLERANCE, 30.0 * float(jnp.finfo(dtype).eps))
+    start = initial_state(structure, model, parameters)
+    reachable = start.residual < max(_START_TOLERANCE, 30.0 * float(jnp.finfo(dtype).eps))
     health = Health(jnp.where(reachable, Status.OK.value, Status.UNREACHABLE.value).astype(jnp.int32), jnp.int32(0))
 
-    form = Scalars()
-    if plan.packed:
-        form = Vectors(dtype, functools.partial(_all_that_is_read, state, determinants, observer, record))
-    constants = form.pack_each(model)
+    form = Vectors(dtype, functools.partial(_all_that_is_read, start, observer, record)) if plan.packed else Scalars()
+    model = Model(*map(form.pack, model))  # its parts apart: a vector of all has a derivative as soon as one part has
+    one_step = functools.partial(sampled_step if structure.substeps else continuous_step, structure, form, model)
     settle = recomputed(functools.partial(_settle, form, observer, steps))  # keeps the inputs, each one vector
 
-    def advance(carry: tuple, i: Scalar) -> tuple[tuple, Any]:
+    def advance(carry: tuple, i: jax.Array) -> tuple[tuple, PyTree]:
         state, total, health = carry
         t = i.astype(dtype) * step
-        proposed, signals = _step(structure, constants, form, i, t, step, state)
+        proposed, signals = one_step(i, t, step, state)
         running = (health.status == 0) & (i <= steps)  # what the plan has room for beyond the horizon cannot fail
-        now = judge(form.unpack(proposed), form.unpack_read(signals), determinants)
+        now = judge(form.unpack(proposed), form.unpack(signals), start.determinants)
         status = jnp.where(running, now, health.status)
         failed = (status != 0) & (health.status == 0)
-        state, total = settle(status, i, t, (state, total), proposed, signals)
-        report = Packed.of((t, form.unpack_read(signals)), dtype) if record else None
+        state, total = settle(status, i, t, state, total, proposed, signals)
+        report = Packed.of((t, form.unpack(signals)), dtype) if record else None
         return (state, total, Health(status, jnp.where(failed, i, health.step))), report
 
-    carry = (form.pack(state), form.pack(observer.start) if observer else None, health)
+    carry = (form.pack(start.state), form.pack(jax.tree.map(jnp.asarray, observer.start)) if observer else None, health)
     (state, total, health), reports = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint)
-    total = _total(form, observer, total) if observer else None
-    return Rollout(form.unpack(state), total, health, reports.unpack() if record else None)
-
-
-def _step(
-    structure: Structure, constants: tuple, form: Form, i: Scalar, t: Scalar, step: Scalar, state: Any
-) -> tuple[Any, Any]:
-    """The state after step i and the signals before it, in the loop's form, as are the model's parts."""
-    if structure.substeps:
-        return sampled_step(structure, constants, form, i, t, step, state)
-
-    def field(constants: tuple, t: Scalar, state: State) -> tuple[State, Signals]:
-        return closed_loop(structure, Model(*constants), t, state)
-
-    return rk4_step(form.field(field, constants, form.pack_read), t, step, state)
+    return Rollout(form.unpack(state), form.unpack(total), health, reports.unpack() if record else None)
 
 
 def _settle(
@@ -139,30 +154,25 @@ def _settle(
     status: Scalar,
     i: Scalar,
     t: Scalar,
-    before: tuple[Any, Any],
-    proposed: Any,
-    signals: Any,
-) -> tuple[Any, Any]:
+    state: PyTree,
+    total: PyTree,
+    proposed: PyTree,
+    signals: PyTree,
+) -> tuple[PyTree, PyTree]:
     """State and total after step i: unchanged by a step that fails or lies beyond the horizon."""
-    state, total = before
     if observer is not None:
-        updated = observer.update(_total(form, observer, total), t, form.unpack_read(signals))
-        total = _choose((status == 0) & (i <= steps), form.pack(updated), total)
+        before = form.unpack(total)
+        after = observer.update(before, t, form.unpack(signals))
+        after = jax.tree.map(lambda x, like: jnp.asarray(x, like.dtype), after, before)
+        total = _choose((status == 0) & (i <= steps), form.pack(after), total)
     return _choose((status == 0) & (i < steps), proposed, state), total
 
 
-def _total(form: Form, observer: Observer, carried: Any) -> Any:
-    """The observer's total, counts and flags as what they were at the start."""
-    return jax.tree.map(lambda x, start: x.astype(jnp.result_type(start)), form.unpack(carried), observer.start)
-
-
-def _all_that_is_read(
-    state: State, determinants: tuple[Scalar, ...], observer: Observer | None, record: bool, signals: Signals
-) -> Any:
+def _all_that_is_read(start: Start, observer: Observer | None, record: bool, signals: Signals) -> PyTree:
     """Everything that a step makes of its signals."""
-    update = observer.update(observer.start, jnp.zeros_like(determinants[0]), signals) if observer else None
-    return judge(state, signals, determinants), update, signals if record else None
+    update = observer.update(observer.start, jnp.zeros_like(start.residual), signals) if observer else None
+    return judge(start.state, signals, start.determinants), update, signals if record else None
 
 
-def _choose(condition: Scalar, new: Any, old: Any) -> Any:
+def _choose(condition: Bool, new: PyTree, old: PyTree) -> PyTree:
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)

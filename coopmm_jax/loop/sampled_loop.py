@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import functools
+from typing import NamedTuple
 
 import jax
 
 from coopmm_jax.algebra.matrix import minus, plus
-from coopmm_jax.algebra.types import Pair, Scalar, Vector
-from coopmm_jax.control.controller import motion_control
+from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
+from coopmm_jax.control.controller import ControllerState, motion_control
 from coopmm_jax.control.reference import desired_force
 from coopmm_jax.loop.devices import Noise, draw_noise, sense, torque_rates
 from coopmm_jax.loop.force_loop import Instant, act, observe
 from coopmm_jax.loop.form import Form
 from coopmm_jax.loop.integrate import recomputed, rk4_hold
-from coopmm_jax.loop.state import State
+from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics import plant
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics, kinematics
 from coopmm_jax.mechanics.model import Model
@@ -31,52 +32,56 @@ class _Motion(NamedTuple):
     torque: Vector  # (10,) of lagging actuators; empty otherwise
 
 
+class _Decision(NamedTuple):
+    """Rates and noise of one sample, for what moves from this sample to the next."""
+
+    controller: ControllerState  # rates
+    noise: Noise | None
+
+
 def sampled_step(
-    structure: Structure,
-    constants: tuple,
-    form: Form,
-    sample: Scalar,
-    t: Scalar,
-    period: Scalar,
-    state: Any,
-) -> tuple[Any, Any]:
+    structure: Structure, form: Form, model: PyTree, sample: Scalar, t: Scalar, period: Scalar, state: PyTree
+) -> tuple[PyTree, PyTree]:
     """One control period: sample at t, act, integrate the robots under held torque by ``substeps`` RK4 steps.
 
     The controller state (adaptation, integrals, eta) moves by one Euler step per sample, as a control computer does it.
 
     Args:
-        constants: the parts of a ``Model``. form: of these, of ``state`` (a ``State``) and of what comes back.
-        sample: number of this sample. period: control period [s].
+        structure: static choices.
+        form: of ``model`` (a ``Model``), of ``state`` (a ``State``) and of what comes back.
+        model: of the rollout.
+        sample: number of this sample.
+        t: its time [s].
+        period: control period [s].
+        state: at t.
 
     Returns:
         The state at t + period, and the signals at t, just after the torque has been set.
     """
+    decide = form.field(functools.partial(_decide, structure, sample))
+    target, decision, signals = recomputed(decide)(model, t, state)
+    held = functools.partial(form.field(functools.partial(_driven, structure)), (model, target))
+    step, (start,) = period / structure.substeps, form.lifted(_motion)(state)
+    moved, forces = rk4_hold(held, t, step, structure.substeps, start)
+    return form.lifted(functools.partial(_next, structure, period))(model, state, signals, decision, moved, forces)
 
-    def decide(constants: tuple, t: Scalar, state: State) -> tuple:
-        model = Model(*constants)
-        truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity)
-        seen, independent, noise = _measure(structure, model, sample, truth, state)
-        now = Instant(structure, model, t, truth, seen, state)
-        command = motion_control(structure, model, t, seen, independent, state.controller)
-        action = act(now, command)
-        return (action.target, command.rates(action.measured_error), noise), observe(now, command.sigma, action)
 
-    decision, signals = recomputed(form.field(decide, constants, form.pack_read))(t, state)
-    (target, rates, noise), signals, state = form.unpack(decision), form.unpack_read(signals), form.unpack(state)
-    moved, forces = _hold(structure, constants, form, t, period, state, target)
-    model = Model(*form.unpack_each(constants))
-    controller = jax.tree.map(lambda x, rate: x + period * rate, state.controller, rates)
-    devices = sense(structure, model, period, state.devices, forces, noise)._replace(torque=moved.torque)
-    # The multipliers of the first integration stage are computed anyway; those of ``decide`` then need not be.
-    force_error = minus(forces, desired_force(model.reference, structure.rows))
-    signals = signals._replace(constraint_force=forces, force_error=force_error)
-    return form.pack(State(moved.position, moved.velocity, controller, devices)), form.pack_read(signals)
+def _decide(
+    structure: Structure, sample: Scalar, model: Model, t: Scalar, state: State
+) -> tuple[Pair[Vector], _Decision, Signals]:
+    """Torques to be held [N m], rates of the controller, and the signals."""
+    truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity)
+    seen, independent, noise = _measure(structure, model, sample, truth, state)
+    now = Instant(structure, model, t, truth, seen, state)
+    command = motion_control(structure, model, t, seen, independent, state.controller)
+    action = act(now, command)
+    return action.target, _Decision(command.rates(action.measured_error), noise), observe(now, command.sigma, action)
 
 
 def _measure(
     structure: Structure, model: Model, sample: Scalar, truth: Kinematics, state: State
 ) -> tuple[Kinematics, Vector, Noise | None]:
-    """What the controller takes the robots' state for, and the sample's noise."""
+    """The robots' state as the controller measures it, and the sample's noise."""
     noise = draw_noise(structure, model, sample) if structure.features.noise else None
     if noise is None and not structure.features.surface_motion:
         return truth, state.velocity, None
@@ -87,29 +92,38 @@ def _measure(
     return kinematics(model, structure.rows, position, independent), independent, noise
 
 
-def _hold(
-    structure: Structure,
-    constants: tuple,
-    form: Form,
-    t: Scalar,
-    period: Scalar,
-    state: State,
-    target: Pair[Vector],
-) -> tuple[_Motion, Vector]:
-    """Robots and actuators over one period under a constant torque command; also lambda (m,) at its start."""
+def _motion(state: State) -> tuple[_Motion]:
+    return (_Motion(state.position, state.velocity, state.devices.torque),)
+
+
+def _driven(structure: Structure, known: tuple[Model, Pair[Vector]], t: Scalar, x: _Motion) -> tuple[_Motion, Vector]:
+    """Rates of robots and actuators under a constant torque command; also lambda (m,)."""
+    model, target = known
+    k = plant.plant_kinematics(structure, model, t, x.position, x.velocity)
     lagging = structure.features.actuator_lag
+    applied = by_robot(x.torque) if lagging else target
+    force = per_robot(actuator_force, model.geometry, x.position, applied)
+    moved = plant.respond(structure, model, t, k, force)
+    torque = torque_rates(model, target, x.torque) if lagging else ()
+    return _Motion(plant.rates_without_drift(k), moved.independent, torque), moved.multipliers
 
-    def field(known: tuple, at: Scalar, x: _Motion) -> tuple[_Motion, Vector]:
-        *parts, target = known
-        model = Model(*parts)
-        k = plant.plant_kinematics(structure, model, at, x.position, x.velocity)
-        applied = by_robot(x.torque) if lagging else target
-        force = per_robot(actuator_force, model.geometry, x.position, applied)
-        moved = plant.respond(structure, model, at, k, force)
-        torque = torque_rates(model, target, x.torque) if lagging else ()
-        return _Motion(plant.rates_without_drift(k), moved.independent, torque), moved.multipliers
 
-    start = _Motion(state.position, state.velocity, state.devices.torque)
-    held = form.field(field, (*constants, form.pack(target)))
-    end, forces = rk4_hold(held, t, period / structure.substeps, structure.substeps, form.pack(start))
-    return form.unpack(end), form.unpack(forces)
+def _next(
+    structure: Structure,
+    period: Scalar,
+    model: Model,
+    state: State,
+    signals: Signals,
+    decision: _Decision,
+    moved: _Motion,
+    forces: Vector,
+) -> tuple[State, Signals]:
+    """State at the next sample; the signals with lambda of the first integration stage.
+
+    That lambda is computed anyway; the one that ``_decide`` finds then need not be.
+    """
+    controller = jax.tree.map(lambda x, rate: x + period * rate, state.controller, decision.controller)
+    devices = sense(structure, model, period, state.devices, forces, decision.noise)._replace(torque=moved.torque)
+    force_error = minus(forces, desired_force(model.reference, structure.rows))
+    signals = signals._replace(constraint_force=forces, force_error=force_error)
+    return State(moved.position, moved.velocity, controller, devices), signals

@@ -74,7 +74,8 @@ def _plan(steps: int, record_every: int) -> Plan:
     """Room for a few more samples than asked for, at most an eighth, so that horizons of about one length share it."""
     samples = steps // record_every + 1
     unit = max(_SHORTEST, 2 ** (samples.bit_length() - 4))
-    return Plan(-(-samples // unit) * unit, record_every, packed=True)
+    room = -(-samples // unit) * unit * record_every
+    return Plan.alone(room - 1, record_every)
 
 
 @functools.partial(jax.jit, static_argnames=("structure", "plan"))

@@ -76,7 +76,7 @@ def measure(structure: Structure, horizon: Horizon, device: jax.Device, paramete
     Args:
         parameters: every leaf of shape (B,). device: where to run; compiled once for each.
     """
-    plan = Plan.covering(horizon.steps, SEGMENT)
+    plan = Plan.batch(horizon.steps, SEGMENT)
     measured, health = _run(_metrics_of, structure, plan, horizon, device, parameters)
     table = np.stack([measured[name] for name in METRICS], axis=1).astype(float)
     table[health.status == Status.UNREACHABLE] = np.nan
@@ -86,7 +86,7 @@ def measure(structure: Structure, horizon: Horizon, device: jax.Device, paramete
 
 def trace(structure: Structure, horizon: Horizon, device: jax.Device, parameters: Parameters) -> dict[str, np.ndarray]:
     """The series of a tile by name, each (B, T) at ``horizon.times()``; NaN from a failure on."""
-    plan = Plan.covering(horizon.steps, horizon.stride)
+    plan = Plan.batch(horizon.steps, horizon.stride)
     series, health = _run(_series_of, structure, plan, horizon, device, parameters)
     lost = (health.status != Status.OK)[:, None] & (horizon.points() >= health.step[:, None])
     return {name: np.where(lost, np.nan, series[name]) for name in SERIES}

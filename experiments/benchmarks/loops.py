@@ -66,7 +66,7 @@ def compiled(loop: str, scenario: Scenario, elements: int) -> Program:
     steps = round(seconds / step)
     parameters = as_scalars(scenario.parameters(), jnp.float64)
 
-    plan = Plan.covering(round(seconds / step), packed=elements == 1)
+    plan = Plan.alone(steps) if elements == 1 else Plan.batch(steps)
 
     def final(parameters: Any, steps: Any) -> Any:
         return rollout(structure, parameters, step, steps, plan).state

@@ -80,14 +80,15 @@ def forward_programs(precision: str) -> list[Program]:
     structure, dtype = scenario.structure(), jnp.dtype(precision)
     parameters = as_scalars(scenario.parameters(), dtype)
 
-    def final(parameters: Parameters, steps: int, packed: bool) -> Any:
-        return rollout(structure, parameters, STEP, steps, Plan.covering(steps, packed=packed)).state
+    def final(parameters: Parameters, plan: Plan) -> Any:
+        steps = plan.segments - 1
+        return rollout(structure, parameters, STEP, steps, plan).state
 
     def batch(parameters: Parameters) -> Any:
-        return jax.vmap(lambda p: final(p, 1000, False))(parameters)
+        return jax.vmap(lambda p: final(p, Plan.batch(1000)))(parameters)
 
     return [
-        _compiled("one rollout", precision, 1, 20000, lambda p: final(p, 20000, True), parameters),
+        _compiled("one rollout", precision, 1, 20000, lambda p: final(p, Plan.alone(20000)), parameters),
         _compiled("batch, one thread", precision, BATCH, 1000, batch, _batched(parameters, BATCH)),
     ]
 
@@ -112,8 +113,8 @@ def gradient_programs() -> list[Program]:
     structure, steps = scenario.structure(), 4000
     parameters = as_scalars(scenario.parameters(), jnp.float64)
     gains = {name: getattr(parameters.gains, name) for name in TUNED}
-    scalars, kept = Plan.covering(steps), Plan.covering(steps, steps + 1, packed=True)
-    checkpoints = Plan.covering(steps, 50, checkpoint=True, packed=True)
+    scalars, kept = Plan.batch(steps), Plan.gradient(steps, steps + 1, checkpoint=False)
+    checkpoints = Plan.gradient(steps)
 
     def cost(plan: Plan) -> Callable:
         return lambda gains, parameters: tuned_cost(structure, parameters, steps, plan)(gains)

@@ -92,7 +92,7 @@ class Objective:
         """
         parameters = parameters._replace(gains=self.space.gains(vector))
         long = self.steps * max(1, self.structure.substeps) > _KEPT
-        plan = Plan.covering(self.steps, _SEGMENT, checkpoint=for_gradient and long, packed=for_gradient)
+        plan = Plan.gradient(self.steps, _SEGMENT, long) if for_gradient else Plan.batch(self.steps, _SEGMENT)
         result = rollout(self.structure, parameters, self.step, self.steps, plan, self._observer(parameters))
         completed = result.health.status == 0
         survived = jnp.where(completed, 1.0, result.health.step / (self.steps + 1))
