@@ -101,12 +101,17 @@ def use_compilation_cache() -> Path:
 
     Returns:
         Cache folder.
+
+    Raises:
+        UserError: COOPMM_CACHE_DIR is no path.
     """
     import jax
 
+    from coopmm_jax.files import resolve_path
+
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     default = jax.config.values["jax_compilation_cache_dir"] or Path(home) / "coopmm_jax"
-    folder = Path(os.environ.get("COOPMM_CACHE_DIR") or default)
+    folder = resolve_path(os.environ.get("COOPMM_CACHE_DIR") or default, "COOPMM_CACHE_DIR").absolute()
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.02)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)

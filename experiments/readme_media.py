@@ -17,7 +17,7 @@ import coopmm_jax as cm
 from coopmm_jax import plotting, runtime
 from coopmm_jax.animation.film import animate
 from coopmm_jax.commands import BAD_INPUT, DONE
-from coopmm_jax.runs.store import result_folder
+from coopmm_jax.files import result_folder
 from tuning.reports.compare_figures import bands
 from tuning.studies.compare import compare_gains
 

@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING, NoReturn
 import coopmm_jax as cm
 from coopmm_jax import plotting, runtime
 from coopmm_jax.commands import BAD_INPUT, DONE, ROLLOUT_FAILED
+from coopmm_jax.files import result_folder, write_json, write_text
 from coopmm_jax.metrics.table import METRICS, SHOWN
 from coopmm_jax.proof.lyapunov import Analysis, analyse, report
-from coopmm_jax.runs.store import result_folder, summary, write_json
+from coopmm_jax.runs.store import summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -107,7 +108,7 @@ def write_results(folder: Path, runs: Runs, analysis: Analysis) -> None:
         plotting.caption(figure, caption)
         plotting.save(figure, folder / name)
     for reading, run in runs.items():
-        (folder / f"{reading}.toml").write_text(run.scenario.to_toml(), encoding="utf-8")
+        write_text(folder / f"{reading}.toml", run.scenario.to_toml())
     stability = report(analysis)
     content = {
         "runs": {reading: summary(run.scenario, run) for reading, run in runs.items()},

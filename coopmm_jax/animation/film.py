@@ -19,8 +19,8 @@ from coopmm_jax.animation import writers
 from coopmm_jax.animation.scene import COLOURS
 from coopmm_jax.animation.stage import stage
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import resolve_path, result_folder
 from coopmm_jax.plotting.lines import longest, runs
-from coopmm_jax.runs.store import result_folder
 
 if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
@@ -113,7 +113,7 @@ def animate(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     animate(run, path=f"{folder}/run.gif", width=400)
     """
-    path = Path(path).expanduser()
+    path = resolve_path(path, "path")
     write = writer(path)
     animation = Animation(*trajectories, labels=labels, fps=fps, speed=speed, width=width)
     with result_folder(path.parent) as folder:

@@ -18,6 +18,7 @@ from PIL import Image
 from scipy.spatial import KDTree
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import write_text
 
 COLOURS = 96  # of a palette: the pictures are flat areas and their smoothed edges
 SAMPLED = 12  # frames from which the palette is chosen
@@ -60,7 +61,7 @@ def write_html(frames: Frames, path: Path) -> None:
         pictures.append(base64.b64encode(png.getvalue()).decode("ascii"))
     player = (resources.files("coopmm_jax") / "animation" / "player.html").read_text(encoding="utf-8")
     page = player.replace("$FRAMES", json.dumps(pictures)).replace("$FPS", f"{frames.fps:g}")
-    path.write_text(page, encoding="utf-8")
+    write_text(path, page)
 
 
 def write_mp4(frames: Frames, path: Path) -> None:

@@ -11,7 +11,8 @@ import coopmm_jax
 from coopmm_jax.commands import DONE, ROLLOUT_FAILED
 from coopmm_jax.commands.fields import OVERRIDES
 from coopmm_jax.errors import UserError
-from coopmm_jax.runs.store import read_run, result_folder
+from coopmm_jax.files import resolve_path, result_folder
+from coopmm_jax.runs.store import read_run
 from coopmm_jax.scenario.scenario import Scenario, list_scenarios, load_scenario
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     """
     from coopmm_jax.animation import film  # imports matplotlib
 
-    path = Path(options.out).expanduser()
+    path = resolve_path(options.out, "--out")
     write, look = film.writer(path), {"fps": options.fps, "speed": options.speed, "width": options.width}
     film.check_look(**look, count=1 if options.against is None else 2)
     shown = _shown(options, changes)
@@ -76,7 +77,10 @@ def _shown(options: argparse.Namespace, changes: dict[str, Any]) -> dict[str, Sc
 
 def _folder(name: str) -> Path | None:
     """Folder of results of that name, unless it is a scenario; a shipped scenario goes before a folder."""
-    return Path(name) if Path(name).is_dir() and name not in list_scenarios() else None
+    if name in list_scenarios():
+        return None
+    path = resolve_path(name, "SCENARIO|DIR")
+    return path if path.is_dir() else None
 
 
 def _name(shown: str) -> str:

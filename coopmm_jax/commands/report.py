@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.errors import UserError
-from coopmm_jax.runs.store import result_folder
+from coopmm_jax.files import resolve_path, result_folder
 
 if TYPE_CHECKING:
     import xarray
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
 
     data = sweep_store.read_store(options.store)
     scenario = sweep_store.scenario_of(data).with_overrides(changes)
-    folder = report_folder(options.store) if options.out is None else Path(options.out)
+    folder = report_folder(options.store) if options.out is None else resolve_path(options.out, "--out")
     with result_folder(folder) as results:
         write_and_print(results, data, scenario)
     print(f"written to {folder}")
@@ -51,8 +51,13 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
 
 
 def report_folder(store: str | Path) -> Path:
-    """Default folder for the report of a store."""
-    return Path(store).with_name(f"{Path(store).stem}-report")
+    """Default folder for the report of a store.
+
+    >>> str(report_folder("runs/k0_5.5")), str(report_folder("runs/sensed.zarr"))
+    ('runs/k0_5.5-report', 'runs/sensed-report')
+    """
+    path = resolve_path(store, "store")
+    return path.with_name(f"{path.name.removesuffix('.zarr')}-report")
 
 
 def write_and_print(folder: Path, data: xarray.Dataset, scenario: Scenario | None = None) -> None:

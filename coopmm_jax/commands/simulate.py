@@ -10,8 +10,9 @@ import coopmm_jax
 from coopmm_jax.commands import DONE, ROLLOUT_FAILED
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import result_folder
 from coopmm_jax.metrics.table import METRICS, SHOWN
-from coopmm_jax.runs.store import result_folder, write_run
+from coopmm_jax.runs.store import write_run
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.overrides import merged
 from coopmm_jax.scenario.scenario import Scenario, load_scenario

@@ -9,7 +9,7 @@ from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
 from coopmm_jax.commands.report import report_folder, write_and_print
 from coopmm_jax.errors import UserError
-from coopmm_jax.runs.store import result_folder
+from coopmm_jax.files import result_folder
 from coopmm_jax.scenario.overrides import merged, read_toml
 from coopmm_jax.scenario.scenario import load_scenario
 

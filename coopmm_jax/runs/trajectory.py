@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coopmm_jax.control.adaptive import Regressors
+from coopmm_jax.files import versions
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.metrics.table import METRICS, SHOWN
-from coopmm_jax.runs.store import versions
 from coopmm_jax.status import Status
 
 if TYPE_CHECKING:

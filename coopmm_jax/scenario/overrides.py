@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import resolve_path
 
 KIND = "distribution"  # the key that says what kind of thing a table describes
 BY_ROBOT = frozenset(("1", "2"))  # the keys of a table with an entry for each robot
@@ -30,8 +31,9 @@ def read_toml(path: str | Path, field: str) -> dict[str, Any]:
     Raises:
         UserError: of ``field``, where the file cannot be read or is not TOML.
     """
+    file = resolve_path(path, field)
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))  # some editors begin with a byte order mark
+        return tomllib.loads(file.read_text(encoding="utf-8-sig"))  # some editors begin with a byte order mark
     except OSError as error:
         raise UserError(field, "a file that can be read", f"{path} ({error.strerror})") from None
     except ValueError as error:  # of the TOML parser, which says where, or of the decoding

@@ -18,6 +18,7 @@ import tomli_w
 from pydantic import model_validator
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import resolve_path
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import (
     Disturbance,
@@ -204,7 +205,7 @@ def _find(name_or_path: str, folder: Path, field: str) -> Path:
     shipped = _shipped()
     if name_or_path in shipped:
         return shipped[name_or_path]
-    path = folder / name_or_path
+    path = folder / resolve_path(name_or_path, "scenario")
     if path.suffix == ".toml" or path.is_file():
         return path
     names = ", ".join(sorted(shipped))

@@ -7,14 +7,13 @@ prints ``text`` and writes a folder with report.txt, summary.json, failed.csv an
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coopmm_jax.files import write_csv, write_json, write_text
 from coopmm_jax.metrics.table import METRICS
-from coopmm_jax.runs.store import write_json
 from coopmm_jax.scenario.sections.requirements import Interval
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps.statistics import Results, outcomes, read_results, sensitivities, spread, telling
@@ -41,7 +40,7 @@ def write_report(folder: Path, data: xarray.Dataset, results: Results | None = N
     from coopmm_jax.sweeps import figures
 
     results = read_results(data) if results is None else results
-    (folder / "report.txt").write_text(text(results) + "\n", encoding="utf-8")
+    write_text(folder / "report.txt", text(results) + "\n")
     write_json(folder / "summary.json", summary(results))
     _write_failed(folder / "failed.csv", results)
     plotting.save(figures.sweep_requirements(results), folder / "requirements.png")
@@ -133,8 +132,8 @@ def _failures(results: Results) -> list[tuple[int, str, float | None, list[str]]
 
 
 def _write_failed(path: Path, results: Results) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["sample", "status", "time_s", "not_met"])
-        for index, status, time, broken in _failures(results):
-            writer.writerow([index, status, "" if time is None else time, "; ".join(broken)])
+    rows = (
+        [index, status, "" if time is None else time, "; ".join(broken)]
+        for index, status, time, broken in _failures(results)
+    )
+    write_csv(path, ["sample", "status", "time_s", "not_met"], rows)

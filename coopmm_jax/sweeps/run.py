@@ -20,8 +20,8 @@ import numpy as np
 from tqdm import tqdm
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import resolve_path, versions
 from coopmm_jax.metrics.table import METRICS
-from coopmm_jax.runs.store import versions
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import Variation, vary
@@ -84,8 +84,11 @@ def sweep(
         raise UserError("uncertainty", "a section that names what varies", "empty")
     points = sampler(sampling, scenario.simulation.seed, len(variation.draws))
     contents = _contents(variation, sampling, keep, tile)
-    store = _store(contents, None if out is None else Path(out).expanduser(), samples, resume, share)
-    _fill(store, variation, points, contents, share)
+    store = _store(contents, None if out is None else resolve_path(out, "out"), samples, resume, share)
+    with store.locked(share.rank):
+        if share.rank == 0:
+            store.grow(samples or store.samples)
+        _fill(store, variation, points, contents, share)
     return store.dataset()
 
 
@@ -124,16 +127,14 @@ def _horizon(scenario: Scenario) -> Horizon:
 
 
 def _store(contents: Contents, out: Path | None, samples: int | None, resume: bool, share: Share) -> SweepStore:
-    """The store to fill: a new one, or an old one with room for all samples."""
+    """The store to fill: a new one, or an old one, which may have too little room yet."""
     if out is None:
         return sweep_store.in_memory(contents, samples or SAMPLES)
     if share.rank > 0:
         return _appearing_store(contents, out, samples or SAMPLES)
     if not (resume and out.exists()):
         return sweep_store.create(out, contents, samples or SAMPLES)
-    store = sweep_store.open_store(out, contents)
-    store.grow(samples or store.samples)
-    return store
+    return sweep_store.open_store(out, contents)
 
 
 def _appearing_store(contents: Contents, out: Path, samples: int) -> SweepStore:

@@ -14,19 +14,19 @@ process, the tiles whose files all exist are complete.
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import zarr
 from zarr.codecs import ZstdCodec
-from zarr.storage import MemoryStore
+from zarr.storage import LocalStore, MemoryStore
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import hidden_folder, locked_folder, resolve_path
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.validation import validate
 
@@ -78,6 +78,16 @@ class SweepStore:
         """Number of samples the store has room for."""
         return self._arrays["status"].shape[0]
 
+    def locked(self, rank: int) -> AbstractContextManager[None]:
+        """Keep other processes of the same rank out of the store.
+
+        Raises:
+            UserError: on entering, if there is one.
+        """
+        if self.path is None:
+            return nullcontext()
+        return locked_folder(self.path / "status", "out", f".lock-{rank}")  # zarr would take it for data in a group
+
     def done(self, tile: int) -> bool:
         """Whether a tile is complete."""
         return self.path is not None and all(path.exists() for path in self._files(tile))
@@ -127,18 +137,15 @@ def create(path: Path, contents: Contents, samples: int) -> SweepStore:
     Raises:
         UserError: the path exists, or cannot be written.
     """
-    if path.exists():
+    if os.path.lexists(path):
         raise UserError("out", "a path where nothing is, or a sweep's store to --resume", path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        hidden = Path(tempfile.mkdtemp(prefix=f".{path.name}-", suffix=".partial", dir=path.parent))
+        with hidden_folder(path.parent, path.name) as hidden:
+            _build(LocalStore(hidden), contents, samples)
+            hidden.rename(path)
     except OSError as error:
         raise UserError("out", "a place that can be written", f"{path} ({error.strerror})") from None
-    try:
-        _build(str(hidden / "store"), contents, samples)
-        os.rename(hidden / "store", path)
-    finally:
-        shutil.rmtree(hidden, ignore_errors=True)
     return open_store(path, contents)
 
 
@@ -162,8 +169,7 @@ def read_store(path: str | Path) -> xarray.Dataset:
     Raises:
         UserError: there is no sweep's store at the path.
     """
-    _group(Path(path))
-    return _opened(str(path))
+    return _opened(_group(resolve_path(path, "store")).store)
 
 
 def values(data: xarray.DataArray) -> np.ndarray:
@@ -209,7 +215,7 @@ def _opened(store: Any) -> xarray.Dataset:
 
 def _group(path: Path) -> zarr.Group:
     try:
-        group = zarr.open_group(str(path), mode="r+" if os.access(path, os.W_OK) else "r")
+        group = zarr.open_group(LocalStore(path), mode="r+" if os.access(path, os.W_OK) else "r")
         if "sampling" in group.attrs:
             return group
         reason = "another zarr group"

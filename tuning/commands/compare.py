@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES
-from coopmm_jax.runs.store import result_folder
+from coopmm_jax.files import result_folder
 from coopmm_jax.scenario.scenario import load_scenario
 
 if TYPE_CHECKING:

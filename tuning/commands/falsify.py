@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES
 from coopmm_jax.errors import UserError
-from coopmm_jax.runs.store import result_folder
+from coopmm_jax.files import resolve_path, result_folder, write_text
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.overrides import merged
 from coopmm_jax.scenario.scenario import load_scenario
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         problem = build_problem(scenario)
         found = falsify(scenario, options.rollouts, options.starts, problem)
         if folder is not None:
-            (folder / path.name).write_text(found.scenario.to_toml(), encoding="utf-8")
+            write_text(folder / path.name, found.scenario.to_toml())
     compare = options.compare_random is not None
     print(table(found, random_costs(problem, options.compare_random or found.rollouts) if compare else None), end="")
     if path is not None:
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
 
 
 def _new_file(name: str) -> Path:
-    path = Path(name).expanduser()
+    path = resolve_path(name, "--out")
     if path.suffix != ".toml":
         raise UserError("--out", "a .toml file", name)
     if path.exists():

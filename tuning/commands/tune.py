@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
 from coopmm_jax.errors import UserError
-from coopmm_jax.runs.store import result_folder
+from coopmm_jax.files import locked_folder, resolve_path, result_folder
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.overrides import merged
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
@@ -91,11 +90,13 @@ def _front(scenario: Scenario, options: argparse.Namespace) -> int:
     from tuning.reports.pareto import check_folder, table, write_report
     from tuning.studies.pareto import Round, tune_front
 
-    check_folder(Path(options.out))
+    target = resolve_path(options.out, "--out")
     with (
+        locked_folder(target),
         tqdm(total=scenario.tuning.iterations, unit="iteration", disable=None) as bar,
-        result_folder(options.out) as folder,
+        result_folder(target) as folder,
     ):
+        check_folder(target)
 
         def show(row: Round) -> None:
             bar.update(row.iteration - bar.n)

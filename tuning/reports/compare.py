@@ -7,7 +7,6 @@ prints ``table`` and writes compare.txt, compare.json, compare.csv and figures.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import binomtest
 
+from coopmm_jax.files import write_csv, write_json, write_text
 from coopmm_jax.plotting.style import save
-from coopmm_jax.runs.store import write_json
 from coopmm_jax.scenario.sections.requirements import success
 from coopmm_jax.status import Status
 from tuning.cost.objective import FAILED, TERMS
@@ -35,7 +34,7 @@ class Switches(NamedTuple):
 
 def write_report(folder: Path, compared: ComparedGains) -> None:
     """Write compare.txt, .json and .csv, costs.png, bands.png and, if anything is required, requirements.png."""
-    (folder / "compare.txt").write_text(table(compared), encoding="utf-8")
+    write_text(folder / "compare.txt", table(compared))
     write_json(folder / "compare.json", summary(compared))
     _write_csv(folder / "compare.csv", compared)
     save(compare_figures.costs(compared), folder / "costs.png")
@@ -164,13 +163,12 @@ def _write_csv(path: Path, compared: ComparedGains) -> None:
     """One line for each sample and set of gains."""
     comparison, met = compared.comparison, compared.outcomes()["all together"]
     header = ["sample", "gains", "status", "requirements_met", "cost"]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([*header, *(f"{name}_term" for name in TERMS), *comparison.metrics])
-        for sample in range(compared.samples):
-            for i, label in enumerate(compared.labels):
-                status = Status(int(comparison.status[i, sample])).name
-                metrics = (values[i, sample] for values in comparison.metrics.values())
-                numbers = (comparison.costs[i, sample], *comparison.terms[i, sample], *metrics)
-                row = [sample, label, status, int(met[i, sample])]
-                writer.writerow([*row, *(repr(float(x)) for x in numbers)])
+    header += [*(f"{name}_term" for name in TERMS), *comparison.metrics]
+    rows = []
+    for sample in range(compared.samples):
+        for i, label in enumerate(compared.labels):
+            status = Status(int(comparison.status[i, sample])).name
+            metrics = (values[i, sample] for values in comparison.metrics.values())
+            numbers = (comparison.costs[i, sample], *comparison.terms[i, sample], *metrics)
+            rows.append([sample, label, status, int(met[i, sample]), *(repr(float(x)) for x in numbers)])
+    write_csv(path, header, rows)

@@ -7,7 +7,6 @@ prints ``table`` and writes front.txt, front.csv, front.png and gains_01.toml, g
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import write_csv, write_text
 from coopmm_jax.plotting.style import GivenAxes, legend, panels, pen, save, styled
 from coopmm_jax.scenario.gains_file import gains_text
 from tuning.cost.objective import FAILED
@@ -40,9 +40,10 @@ def check_folder(folder: Path) -> None:
 def write_report(folder: Path, front: Front) -> None:
     """Write front.txt, front.csv, front.png and a gains file for each weighting."""
     for name, gains in zip(_names(front)[1:], front.gains, strict=True):
-        (folder / name).write_text(gains_text(gains), encoding="utf-8")
-    (folder / "front.txt").write_text(table(front), encoding="utf-8")
-    _write_csv(folder / TABLE, front)
+        write_text(folder / name, gains_text(gains))
+    write_text(folder / "front.txt", table(front))
+    rows = _rows(front)
+    write_csv(folder / TABLE, list(rows[0]), (row.values() for row in rows))
     save(picture(front), folder / "front.png")
 
 
@@ -111,11 +112,3 @@ def _rows(front: Front) -> list[dict[str, Any]]:
         }
         for i, name in enumerate(_names(front))
     ]
-
-
-def _write_csv(path: Path, front: Front) -> None:
-    rows = _rows(front)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coopmm_jax.files import write_json, write_text
 from coopmm_jax.plotting.style import save
-from coopmm_jax.runs.store import write_json
 from coopmm_jax.scenario.sections.requirements import Requirement, success
 from tuning.cost.objective import TERMS
 from tuning.reports import tune_figures
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def write_report(folder: Path, result: TuningResult) -> None:
     """Write report.txt, report.json, convergence.png, gains.png and bands.png."""
-    (folder / "report.txt").write_text(table(result), encoding="utf-8")
+    write_text(folder / "report.txt", table(result))
     content = {"costs": {name: change._asdict() for name, change in changes(result).items()}}
     content |= {"requirements": [_requirement(result, r) for r in result.scenario.requirements.parsed()]}
     content |= {"gains": dict(zip(result.labels, np.stack([result.before, result.after], 1).tolist(), strict=True))}

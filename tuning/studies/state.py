@@ -9,13 +9,13 @@
 
 from __future__ import annotations
 
-import os
 import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import write_npz
 
 NAME = "state.npz"
 _SETTINGS = "settings"
@@ -27,10 +27,7 @@ def write(folder: Path, arrays: dict[str, np.ndarray], settings: str) -> None:
     Args:
         arrays: the state (...) by name. settings: everything that the course of the run depends on, as text.
     """
-    partial = folder / f".{NAME}.partial"
-    with partial.open("wb") as stream:
-        np.savez(stream, **arrays, **{_SETTINGS: np.array(settings)})
-    os.replace(partial, folder / NAME)
+    write_npz(folder / NAME, arrays | {_SETTINGS: np.array(settings)})
 
 
 def read(folder: Path, settings: str) -> dict[str, np.ndarray]:

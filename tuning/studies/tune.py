@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ import jax
 import numpy as np
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import locked_folder, resolve_path, write_csv, write_text
 from coopmm_jax.scenario.gains_file import gains_text
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from tuning.cost.problem import RACE, TEST, TRAINING, VALIDATION, Problem, build_problem
@@ -102,8 +102,8 @@ def tune(
         _iterate(problem, chosen, run, folder, progress)
         result = _result(problem, run)
         if folder is not None:
-            _write(folder / "gains.toml", gains_file(result))
-            _write_history(folder / "history.csv", run.history)
+            write_text(folder / "gains.toml", gains_file(result))
+            write_csv(folder / "history.csv", Row._fields, run.history)
     return result
 
 
@@ -196,37 +196,14 @@ def _result(problem: Problem, run: Progressing) -> TuningResult:
 
 @contextlib.contextmanager
 def _folder(out: str | Path | None, resume: bool) -> Iterator[Path | None]:
-    """The folder of a run; a new one goes again if a setting is refused before anything is written."""
+    """The folder of a run, which is this process's alone; a new one goes again if nothing is written."""
     if out is None:
         yield None
         return
-    folder = Path(out)
-    if not resume and (folder / state.NAME).exists():
-        raise UserError("--out", "a folder without a tuning run, or --resume given", folder)
-    new = not resume and not folder.exists()
-    try:
-        if not resume:
-            folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError("--out", "a folder that can be written", f"{folder} ({error.strerror})") from None
-    try:
+    folder = resolve_path(out, "--out")
+    if resume and not folder.is_dir():
+        raise UserError("--resume", f"used with a folder that has a {state.NAME}", folder)
+    with locked_folder(folder):
+        if not resume and (folder / state.NAME).exists():
+            raise UserError("--out", "a folder without a tuning run, or --resume given", folder)
         yield folder
-    except UserError:
-        if new and not any(folder.iterdir()):
-            folder.rmdir()
-        raise
-
-
-def _write(path: Path, text: str) -> None:
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
-
-
-def _write_history(path: Path, history: list[Row]) -> None:
-    partial = path.with_name(f".{path.name}.partial")
-    with partial.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(Row._fields)
-        writer.writerows(history)
-    partial.replace(path)
