@@ -1,9 +1,9 @@
-"""Figures of sweeps: bands over time, required metrics against their limits, what matters, the worst samples."""
+"""Figures of sweeps: bands over time, required metrics against their limits, causes, the worst samples."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,13 +30,14 @@ _LOST = {"facecolor": "none", "edgecolor": "0.4", "hatch": "/////", "linewidth":
 
 
 @style.styled
-def sweep_bands(data: xarray.Dataset, axes: Any = None) -> Figure:
+def sweep_bands(data: xarray.Dataset, axes: style.GivenAxes = None) -> Figure:
     """Median, 90 % band and range over time of tracking error, object error, contact force and largest torque.
 
     Drawn from the samples whose series a sweep keeps; one that fails counts until then.
 
     Args:
-        data: of a sweep that keeps series. axes: four matplotlib axes to draw on.
+        data: of a sweep that keeps series.
+        axes: four matplotlib axes to draw on.
 
     Returns:
         The figure that was drawn on.
@@ -54,13 +55,14 @@ def sweep_bands(data: xarray.Dataset, axes: Any = None) -> Figure:
 
 
 @style.styled
-def sweep_requirements(sweep: xarray.Dataset | Results, axes: Any = None) -> Figure:
+def sweep_requirements(sweep: xarray.Dataset | Results, axes: style.GivenAxes = None) -> Figure:
     """Distribution of each required metric over the completed samples; the side that breaks its limit is hatched.
 
-    Without requirements, of the metrics that tell most.
+    Without requirements, the metrics of the report.
 
     Args:
-        sweep: its data set, or what ``read_results`` made of it. axes: matplotlib axes to draw on, one for each metric.
+        sweep: its data set, or the results read from it.
+        axes: matplotlib axes to draw on, one for each metric.
 
     Returns:
         The figure that was drawn on.
@@ -77,10 +79,10 @@ def sweep_requirements(sweep: xarray.Dataset | Results, axes: Any = None) -> Fig
 
 
 @style.styled
-def sweep_importance(sweep: xarray.Dataset | Results, axes: Any = None) -> Figure:
-    """Which draws matter: rank correlation with completion and each required metric, with its 95 % interval.
+def sweep_importance(sweep: xarray.Dataset | Results, axes: style.GivenAxes = None) -> Figure:
+    """Rank correlation of the draws with completion and with each required metric, and its 95 % interval.
 
-    What is the same in all samples has no panel. Arguments as for ``sweep_requirements``.
+    A metric that is the same in all samples has no panel. Arguments as for ``sweep_requirements``.
 
     Returns:
         The figure that was drawn on.
@@ -92,11 +94,11 @@ def sweep_importance(sweep: xarray.Dataset | Results, axes: Any = None) -> Figur
 
 
 @style.styled
-def sweep_worst(sweep: xarray.Dataset | Results, axes: Any = None) -> Figure:
-    """Which quantiles of their distributions the draws of the worst samples are: one panel for each required metric.
+def sweep_worst(sweep: xarray.Dataset | Results, axes: style.GivenAxes = None) -> Figure:
+    """Draws of the worst samples, as quantiles of their distributions: one panel for each required metric.
 
-    A draw whose marks crowd at one end is one that breaks the requirement. What is the same in all samples has no
-    panel. Arguments as for ``sweep_requirements``.
+    A draw whose marks crowd at one end is one that breaks the requirement. A metric that is the same in all samples
+    has no panel. Arguments as for ``sweep_requirements``.
 
     Returns:
         The figure that was drawn on.
@@ -107,7 +109,9 @@ def sweep_worst(sweep: xarray.Dataset | Results, axes: Any = None) -> Figure:
     return _by_metric(_worst_panel, sweep, axes)
 
 
-def _by_metric(draw: Callable[[Axes, Results, str], None], sweep: xarray.Dataset | Results, axes: Any) -> Figure:
+def _by_metric(
+    draw: Callable[[Axes, Results, str], None], sweep: xarray.Dataset | Results, axes: style.GivenAxes
+) -> Figure:
     """One panel for each metric that differs between samples."""
     results = as_results(sweep)
     metrics = telling(results)
@@ -137,7 +141,7 @@ def _band_panel(axes: Axes, series: xarray.DataArray, t: np.ndarray) -> None:
     if series.name in _ON_A_LOG_AXIS and highest.max() > 10.0 * lowest.min() > 0.0:
         axes.set_yscale("log")
     axes.set_xlabel(TIME)
-    axes.set_ylabel(f"{series.name.replace('_', ' ')} [{series.attrs['units']}]")
+    axes.set_ylabel(f"{str(series.name).replace('_', ' ')} [{series.attrs['units']}]")
 
 
 def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) -> None:
@@ -146,7 +150,7 @@ def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) 
     # Bins reach to the limit, so that a bar keeps a width to be seen however far from it the values lie.
     reach = [*values, *(() if isinstance(limit, str) else (limit.limit,))]
     span = (min(reach), max(reach)) if reach else None
-    counts, *_ = axes.hist(values, bins=BINS, range=span, color=style.pen(0)["color"])
+    counts = np.asarray(axes.hist(values, bins=BINS, range=span, color=style.pen(0)["color"])[0])
     if counts.any():
         axes.set_yscale("log")
         axes.set_ylim(0.7, 2.0 * counts.max())

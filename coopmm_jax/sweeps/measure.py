@@ -24,6 +24,7 @@ from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.status import Status
+from coopmm_jax.sweeps.processes import Device
 
 SEGMENT = 64  # steps; a horizon is rounded up to a whole number of segments
 POINTS = 400  # of a kept series, at most one more
@@ -42,7 +43,7 @@ SERIES: dict[str, tuple[str, str]] = {
 
 
 class Horizon(NamedTuple):
-    """How a rollout runs: sample time [s], number of samples after the first, floating point numbers."""
+    """Extent of a rollout: sample time [s], number of samples after the first, floating point numbers."""
 
     step: float
     steps: int
@@ -63,18 +64,21 @@ class Horizon(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What is known of the B samples of a tile after their rollouts."""
+    """Results of the B samples of a batch after their rollouts."""
 
     metrics: np.ndarray  # (B, M), in the order of METRICS; NaN where the start was out of reach
     status: np.ndarray  # (B,) codes of ``Status``
     status_time: np.ndarray  # (B,) of a failure [s]; NaN for none
 
 
-def measure(structure: Structure, horizon: Horizon, device: jax.Device, parameters: Parameters) -> Measured:
-    """Metrics and status of a tile.
+def measure(structure: Structure, horizon: Horizon, device: Device, parameters: Parameters) -> Measured:
+    """Metrics and status of a batch.
 
     Args:
-        parameters: every leaf of shape (B,). device: where to run; compiled once for each.
+        structure: static choices.
+        horizon: of the rollouts.
+        device: to run on; compiled once for each.
+        parameters: every leaf of shape (B,).
     """
     plan = Plan.batch(horizon.steps, SEGMENT)
     measured, health = _run(_metrics_of, structure, plan, horizon, device, parameters)
@@ -84,8 +88,8 @@ def measure(structure: Structure, horizon: Horizon, device: jax.Device, paramete
     return Measured(table, health.status.astype(np.int8), time)
 
 
-def trace(structure: Structure, horizon: Horizon, device: jax.Device, parameters: Parameters) -> dict[str, np.ndarray]:
-    """The series of a tile by name, each (B, T) at ``horizon.times()``; NaN from a failure on."""
+def trace(structure: Structure, horizon: Horizon, device: Device, parameters: Parameters) -> dict[str, np.ndarray]:
+    """Series of a batch by name, each (B, T) at ``horizon.times()``; NaN from a failure on."""
     plan = Plan.batch(horizon.steps, horizon.stride)
     series, health = _run(_series_of, structure, plan, horizon, device, parameters)
     lost = (health.status != Status.OK)[:, None] & (horizon.points() >= health.step[:, None])
@@ -93,21 +97,21 @@ def trace(structure: Structure, horizon: Horizon, device: jax.Device, parameters
 
 
 def _run(
-    kind: Callable, structure: Structure, plan: Plan, horizon: Horizon, device: jax.Device, parameters: Parameters
+    kind: Callable, structure: Structure, plan: Plan, horizon: Horizon, device: Device, parameters: Parameters
 ) -> Any:
     dtype = np.dtype(horizon.precision)
     parameters = jax.tree.map(lambda x: np.ascontiguousarray(x, dtype), parameters)
     arguments = (parameters, np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32))
     with jax.enable_x64(dtype == np.float64):  # of this thread only
         with _COMPILING[kind]:
-            shape = jax.tree.structure(parameters), len(parameters.plant.gravity)
+            shape = jax.tree.structure(parameters), np.size(parameters.plant.gravity)
             executable = _executable(kind, structure, plan, dtype, device, *shape)
         return jax.device_get(executable(*jax.device_put(arguments, device)))
 
 
 @functools.lru_cache(maxsize=8)
 def _executable(
-    kind: Callable, structure: Structure, plan: Plan, dtype: np.dtype, device: jax.Device, tree: Any, size: int
+    kind: Callable, structure: Structure, plan: Plan, dtype: np.dtype, device: Device, tree: Any, size: int
 ) -> Callable:
     """One program for all numbers, and for all horizons of one plan."""
     place = jax.sharding.SingleDeviceSharding(device)

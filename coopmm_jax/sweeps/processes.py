@@ -1,4 +1,4 @@
-"""Which part of a sweep is this process's, and how its tiles are spread over its devices.
+"""Share of this process in a sweep, and the spread of its batches over its devices.
 
 >>> list(Share(rank=1, size=3).tiles(8))
 [1, 4, 7]
@@ -10,9 +10,11 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, as_completed, wait
 from queue import SimpleQueue
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from coopmm_jax.errors import UserError
+
+Device: TypeAlias = Any  # a jax.Device, for which JAX has no class that type checkers know
 
 
 class Share(NamedTuple):
@@ -22,35 +24,33 @@ class Share(NamedTuple):
     size: int = 1
 
     def tiles(self, count: int) -> range:
-        """The tiles of this process, of ``count`` tiles in all."""
+        """Batches of this process, of ``count`` in all."""
         return range(self.rank, count, self.size)
 
 
 def share(
     rank: int | None = None, size: int | None = None, coordinator: str | None = None, distributed: bool = False
 ) -> Share:
-    """This process's share, from numbers given by hand or from ``jax.distributed``.
+    """Share of this process, from numbers given by hand or from ``jax.distributed``.
 
-    The processes have nothing to tell each other but through the store, so rank and size alone are enough.
+    The processes meet in the store alone, so rank and size are enough.
 
     Args:
-        rank, size: this process and how many there are. coordinator: "host:port" where the processes find each other
-            through ``jax.distributed``. distributed: let ``jax.distributed`` find all that by itself, as it does under
-            Slurm, Open MPI and on Cloud TPUs.
+        rank: number of this process, from 0.
+        size: number of processes.
+        coordinator: "host:port" where the processes find each other through ``jax.distributed``.
+        distributed: let ``jax.distributed`` find all that by itself, as it does under Slurm, Open MPI, on Cloud TPUs.
 
     Raises:
         UserError: numbers that do not fit together, or no cluster found.
     """
-    if (rank is None) != (size is None):
-        raise UserError("--rank", "given together with --size", "given alone" if size is None else "missing")
-    if size is not None and not 0 <= rank < size:
-        raise UserError("--rank", f"from 0 to --size - 1 ({size - 1})", rank)
-    if distributed and size is not None:
+    mine = _by_hand(rank, size)
+    if distributed and mine is not None:
         raise UserError("--distributed", "left out where --rank and --size are given", "given")
-    if coordinator is not None and size is None:
+    if coordinator is not None and mine is None:
         raise UserError("--coordinator", "given together with --rank and --size", "given alone")
     if not distributed and coordinator is None:
-        return Share() if size is None else Share(rank, size)
+        return mine or Share()
     import jax
 
     try:
@@ -60,10 +60,20 @@ def share(
     return Share(jax.process_index(), jax.process_count())
 
 
-def slots() -> list[Any]:
-    """Local devices, each as often as it should have tiles in flight.
+def _by_hand(rank: int | None, size: int | None) -> Share | None:
+    if rank is None or size is None:
+        if rank is not size:
+            raise UserError("--rank", "given together with --size", "given alone" if size is None else "missing")
+        return None
+    if not 0 <= rank < size:
+        raise UserError("--rank", f"from 0 to --size - 1 ({size - 1})", rank)
+    return Share(rank, size)
 
-    A tile keeps one CPU core busy, so the CPU's devices get one thread for each core; another device gets two, so that
+
+def slots() -> list[Device]:
+    """Local devices, each as often as it should have batches in flight.
+
+    A batch keeps one CPU core busy, so the CPU's devices get one thread for each core; another device gets two, so that
     it computes while the host writes.
     """
     import jax
@@ -75,7 +85,7 @@ def slots() -> list[Any]:
 
 
 def concurrently(function: Callable[[Any, Any], Any], items: Iterable[Any], slots: list[Any]) -> Iterator[Any]:
-    """``function(slot, item)`` for every item, one at a time in each slot; results in the order in which they end.
+    """Results of ``function(slot, item)`` for every item, one at a time in each slot, in the order in which they end.
 
     Items are taken only when a slot is free, so however many there are, few exist at a time. After an exception no
     further item is taken, and it is raised when those under way have ended.

@@ -1,4 +1,4 @@
-"""One sample of a sweep as a scenario of its own, to look at it closely."""
+"""Replay of a sweep's sample: a scenario of its own, to look at it closely."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 
 def replay(sweep: xarray.Dataset | str | Path, sample: int) -> Scenario:
-    """The scenario of one sample: ``simulate(replay("sweep.zarr", 1234))`` shows what happened to it.
+    """Scenario of one sample: ``simulate(replay("sweep.zarr", 1234))`` runs it again.
 
     Args:
-        sweep: a sweep's data set, or the path of its store. sample: counted from 0.
+        sweep: a sweep's data set, or the path of its store.
+        sample: its number, from 0.
 
     Raises:
         UserError: no such sample, one that has not been computed yet, or no sweep's store.

@@ -1,4 +1,4 @@
-"""What a sweep says: success probabilities, quantiles, worst samples, and which parameters matter.
+"""Statistics of a sweep: success probabilities, quantiles, worst samples, and the parameters that matter.
 
 >>> rank_correlation(np.arange(20.0), np.arange(20.0) ** 3).estimate
 1.0
@@ -46,17 +46,17 @@ class Results:
 
     @property
     def completed(self) -> np.ndarray:
-        """Which samples reached the horizon (n,)."""
+        """Samples that reached the horizon (n,), as booleans."""
         return self.status == _OK
 
     def quantiles(self, positions: np.ndarray) -> dict[str, np.ndarray]:
-        """Which quantile of its distribution each draw is, in the computed samples at some positions (k,)."""
+        """Quantile of each draw in its distribution, for the computed samples at some positions (k,)."""
         points = sampler(self.data.attrs["sampling"], self.scenario.simulation.seed, len(self.draws))
-        return dict(zip(self.draws, points(self.index[positions]).T, strict=True))
+        return dict(zip(self.draws, points(self.index[positions].tolist()).T, strict=True))
 
     @cached_property
     def correlations(self) -> dict[str, dict[str, Interval]]:
-        """Rank correlation of what is ``telling`` with each draw, in one pass over the draws."""
+        """Rank correlation of each ``telling`` metric with each draw, in one pass over the draws."""
         measured = {metric: _of(self, metric) for metric in telling(self)}
         ranks = {metric: (which, rankdata(values)) for metric, (which, values) in measured.items()}
         found: dict[str, dict[str, Interval]] = {metric: {} for metric in ranks}
@@ -67,15 +67,15 @@ class Results:
 
     @property
     def requirements(self) -> tuple[Requirement, ...]:
-        """Those of the scenario."""
+        """Requirements of the scenario."""
         return self.scenario.requirements.parsed()
 
     def met(self, requirement: Requirement) -> np.ndarray:
-        """Which samples completed and keep a limit (n,)."""
+        """Samples that completed and keep a limit (n,), as booleans."""
         return self.completed & requirement.met(self.metrics[requirement.metric])
 
     def low_is_bad(self, metric: str) -> bool:
-        """Whether the smallest value of a metric is the worst: as a requirement says, if there is one."""
+        """True if the smallest value of a metric is the worst: as a requirement says, if there is one."""
         for requirement in self.requirements:
             if requirement.metric == metric:
                 return requirement.low_is_bad
@@ -83,7 +83,7 @@ class Results:
 
 
 class Outcome(NamedTuple):
-    """How often a requirement is met."""
+    """Success probability of a requirement."""
 
     requirement: str
     passed: int
@@ -102,9 +102,10 @@ class Spread(NamedTuple):
 
 
 def read_results(data: xarray.Dataset, scenario: Scenario | None = None) -> Results:
-    """What the report needs of a sweep's data set.
+    """Read from a sweep's data set what its report needs.
 
     Args:
+        data: the data set.
         scenario: with other requirements than those the sweep was made with.
 
     Raises:
@@ -143,7 +144,7 @@ def _columns(table: xarray.DataArray, names: Mapping[str, str], index: np.ndarra
 
 
 def as_results(sweep: xarray.Dataset | Results) -> Results:
-    """The results of a data set, unless they are given already."""
+    """Results of a data set, unless they are given already."""
     return sweep if isinstance(sweep, Results) else read_results(sweep)
 
 
@@ -161,8 +162,8 @@ def spread(results: Results, metric: str) -> Spread | None:
     if not len(values):
         return None
     worst = values.argmin() if results.low_is_bad(metric) else values.argmax()
-    quantiles = np.quantile(values, [0.5, LOW, HIGH])
-    return Spread(*map(float, quantiles), float(values[worst]), int(index[worst]))
+    median, low, high = map(float, np.quantile(values, [0.5, LOW, HIGH]))
+    return Spread(median, low, high, float(values[worst]), int(index[worst]))
 
 
 def worst_samples(results: Results, metric: str, count: int) -> np.ndarray:
@@ -181,6 +182,7 @@ def sensitivities(results: Results, metric: str) -> dict[str, Interval]:
     """Rank correlation of a metric with each draw over the completed samples, strongest first; {} if not ``telling``.
 
     Args:
+        results: of the sweep.
         metric: or ``COMPLETED``, which counts in every sample, as 1 or 0.
     """
     found = results.correlations.get(metric, {})
@@ -188,13 +190,13 @@ def sensitivities(results: Results, metric: str) -> dict[str, Interval]:
 
 
 def telling(results: Results) -> list[str]:
-    """What is worth a panel or a line on its causes: completion and the required metrics, if they differ at all."""
+    """Completion and the required metrics, as far as they differ between samples: worth a panel on their causes."""
     required = [requirement.metric for requirement in results.requirements] or list(results.metrics)
     return list(dict.fromkeys(name for name in (COMPLETED, *required) if _differ(_of(results, name)[1])))
 
 
 def _differ(values: np.ndarray) -> bool:
-    """Whether there is anything to correlate; an interval needs four samples."""
+    """True if there is anything to correlate; an interval needs four samples."""
     return len(values) >= 4 and bool(np.any(values != values[0]))
 
 
