@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import ALL_ROWS, Inertia, Parameters, Structure
 from coopmm_jax.scenario.scenario import Scenario, list_scenarios, load_scenario
-from coopmm_jax.scenario.sections import schema
+from coopmm_jax.scenario.sections.simulation import SimulationSection
 
 
 def test_defaults_are_those_of_the_parameters():
@@ -24,7 +24,7 @@ def test_paper_spells_out_every_value_and_changes_none():
     paper = load_scenario("paper")
     assert paper.parameters() == Parameters()
     assert paper.structure() == Structure()
-    assert paper.simulation == schema.Simulation()
+    assert paper.simulation == SimulationSection()
     spelt_out = paper.model_dump(exclude_unset=True)
     not_of_the_paper = {"description", "uncertainty", "requirements", "tuning"}
     for name, section in Scenario().model_dump(exclude=not_of_the_paper, exclude_none=True).items():

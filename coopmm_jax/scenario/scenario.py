@@ -33,11 +33,13 @@ from coopmm_jax.parameters import (
     Surface,
 )
 from coopmm_jax.scenario.overrides import merged, read_toml
-from coopmm_jax.scenario.sections import schema
+from coopmm_jax.scenario.sections.controller import GainsSection, LawSection, NominalSection, ReferenceSection
 from coopmm_jax.scenario.sections.hardware import HardwareSections
-from coopmm_jax.scenario.sections.requirements import Requirements
-from coopmm_jax.scenario.sections.tuning import Tuning
-from coopmm_jax.scenario.sections.uncertainty import Uncertainty
+from coopmm_jax.scenario.sections.plant import CouplingSection, DisturbanceSection, InitialSection, PlantSection
+from coopmm_jax.scenario.sections.requirements import RequirementsSection
+from coopmm_jax.scenario.sections.simulation import SimulationSection
+from coopmm_jax.scenario.sections.tuning import TuningSection
+from coopmm_jax.scenario.sections.uncertainty import UncertaintySection
 from coopmm_jax.scenario.validation import closest, validate
 
 VELOCITIES = 10  # of both robots; each constraint row makes one of them dependent
@@ -47,18 +49,18 @@ class Scenario(HardwareSections):
     """A complete, valid scenario; immutable and hashable. The defaults are the paper's section IV."""
 
     description: str = ""
-    simulation: schema.Simulation = schema.Simulation()
-    plant: schema.Plant = schema.Plant()
-    coupling: schema.Coupling = schema.Coupling()
-    nominal: schema.Nominal = schema.Nominal()
-    law: schema.Law = schema.Law()
-    gains: schema.Gains = schema.Gains()
-    disturbance: schema.Disturbance = schema.Disturbance()
-    reference: schema.Reference = schema.Reference()
-    initial: schema.Initial = schema.Initial()
-    uncertainty: Uncertainty = Uncertainty()
-    requirements: Requirements = Requirements()
-    tuning: Tuning = Tuning()
+    simulation: SimulationSection = SimulationSection()
+    plant: PlantSection = PlantSection()
+    coupling: CouplingSection = CouplingSection()
+    nominal: NominalSection = NominalSection()
+    law: LawSection = LawSection()
+    gains: GainsSection = GainsSection()
+    disturbance: DisturbanceSection = DisturbanceSection()
+    reference: ReferenceSection = ReferenceSection()
+    initial: InitialSection = InitialSection()
+    uncertainty: UncertaintySection = UncertaintySection()
+    requirements: RequirementsSection = RequirementsSection()
+    tuning: TuningSection = TuningSection()
 
     @property
     def steps(self) -> int:

@@ -1,7 +1,7 @@
 """pydantic's errors, in this package's one grammar: which field, what it must be, what it was.
 
->>> from coopmm_jax.scenario.sections.schema import Gains
->>> validate(Gains, {"K_lambda": -2})
+>>> from coopmm_jax.scenario.sections.controller import GainsSection
+>>> validate(GainsSection, {"K_lambda": -2})
 Traceback (most recent call last):
 coopmm_jax.errors.UserError: K_lambda: must be greater than -1, was -2
 """
@@ -37,7 +37,7 @@ _MUST = {  # pydantic's type of error -> what the value must be
     "too_long": "a list of {max_length}",
     "model_type": "a table of fields",
 }
-_TAGS = ("one", "list")  # of the alternatives in schema.Pair and its like
+_TAGS = ("one", "list")  # of the alternatives in fields.Pair and its like
 _LIKENED = 60  # characters of a name that may be a slip of the pen
 
 

@@ -1,6 +1,6 @@
 """The sections of a scenario file that separate a real loop from the paper's; every default is the ideal.
 
->>> Sensing().force_lag
+>>> SensingSection().force_lag
 0.0
 """
 
@@ -13,19 +13,20 @@ from pydantic import Field, Strict, model_validator
 
 from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
-from coopmm_jax.scenario.sections.schema import Finite, NotNegative, Positive, Section, Simulation, is_whole, quantity
+from coopmm_jax.scenario.fields import Finite, NotNegative, Positive, Section, quantity
+from coopmm_jax.scenario.sections.simulation import SimulationSection, is_whole
 
 _hardware = parameters.Hardware()
 Samples = Annotated[int, Strict(), Field(ge=0)]
 Limit = Annotated[float, Strict(), Field(gt=0)]  # may be inf
 
 
-class Loop(Section):
+class LoopSection(Section):
     """[loop]: how the controller runs."""
 
     control_period: NotNegative = quantity(0.0, "time between samples, torque held; 0: in continuous time [s]")
 
-    def substeps(self, simulation: Simulation) -> int:
+    def substeps(self, simulation: SimulationSection) -> int:
         """Integration steps in one control period; 0 in continuous time.
 
         Raises:
@@ -44,7 +45,7 @@ class Loop(Section):
         return round(ratio)
 
 
-class Sensing(Section):
+class SensingSection(Section):
     """[sensing]: what the controller measures; noise and delay need [loop] control_period."""
 
     force_lag: NotNegative = quantity(_hardware.force_lag, "time constant of the force sensor [s]")
@@ -55,7 +56,7 @@ class Sensing(Section):
     velocity_noise: NotNegative = quantity(_hardware.velocity_noise, "of independent velocities [rad/s, m/s]")
 
 
-class Actuators(Section):
+class ActuatorsSection(Section):
     """[actuators]: torque limits, lag and friction of wheels and joints."""
 
     wheel_limit: Limit = quantity(_hardware.wheel_limit, "largest wheel torque [N m]")
@@ -69,7 +70,7 @@ class Actuators(Section):
     friction_speed: Positive = quantity(_hardware.friction_speed, "below which Coulomb friction fades [rad/s]")
 
 
-class Contact(Section):
+class ContactSection(Section):
     """[contact]: friction of the sliding tip and the motion of the object's surface, unknown to the controller."""
 
     tip_friction: NotNegative = quantity(_hardware.tip_friction, "Coulomb coefficient along the arc [-]")
@@ -80,12 +81,12 @@ class Contact(Section):
 
 
 class HardwareSections(Section):
-    """The four sections together; ``Scenario`` inherits them."""
+    """The four sections together."""
 
-    loop: Loop = Loop()
-    sensing: Sensing = Sensing()
-    actuators: Actuators = Actuators()
-    contact: Contact = Contact()
+    loop: LoopSection = LoopSection()
+    sensing: SensingSection = SensingSection()
+    actuators: ActuatorsSection = ActuatorsSection()
+    contact: ContactSection = ContactSection()
 
     def hardware(self, seed: int, stream: int) -> parameters.Hardware:
         """Every number of the four sections, as a rollout takes them."""

@@ -4,7 +4,7 @@
     force_error_rms_late = "<= 2.0"
     contact_loss_fraction = "== 0"
 
->>> Requirements.model_validate({"force_min": ">= 0"}).parsed()[0].met(np.array([1.0, -1.0]))
+>>> RequirementsSection.model_validate({"force_min": ">= 0"}).parsed()[0].met(np.array([1.0, -1.0]))
 array([ True, False])
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.scenario.sections.schema import Section
+from coopmm_jax.scenario.fields import Section
 
 _OPERATORS = {"<=": operator.le, ">=": operator.ge, "==": operator.eq, "<": operator.lt, ">": operator.gt}
 _FORM = re.compile(rf"\s*({'|'.join(_OPERATORS)})\s*(\S+)\s*")
@@ -46,7 +46,7 @@ class Requirement(NamedTuple):
         return f"{self.metric} {self.relation} {self.limit:g}"
 
 
-class Requirements(Section, extra="allow"):
+class RequirementsSection(Section, extra="allow"):
     """[requirements]: metric = "<= limit" (or >=, ==, <, >), which every sample has to meet; "none" drops a base's."""
 
     # pydantic checks the fields that are allowed against this type

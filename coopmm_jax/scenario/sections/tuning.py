@@ -5,7 +5,7 @@
     bounds = { K_lambda = [0.0, 8.0] }
     weights = { force = 2.0 }
 
->>> Tuning().bounds.K_lambda
+>>> TuningSection().bounds.K_lambda
 (0.0, 30.0)
 """
 
@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict, field_validator, model_validator
 
 from coopmm_jax.errors import UserError, shown
-from coopmm_jax.scenario.sections.schema import AboveMinusOne, Count, NotNegative, Positive, Section, quantity
+from coopmm_jax.scenario.fields import AboveMinusOne, Count, NotNegative, Positive, Section, quantity
 from coopmm_jax.scenario.validation import closest
 
 Range = Annotated[tuple[Positive, Positive], Field(min_length=2, max_length=2)]
@@ -65,7 +65,7 @@ class Weights(Section):
     saturation: NotNegative = 0.1  # squared torque asked for beyond the actuators' limits
 
 
-class Tuning(Section):
+class TuningSection(Section):
     """[tuning]: which gains are tuned, for what, on how many samples, for how long; see its .bounds and .weights."""
 
     gains: tuple[str, ...] = quantity(("K_sigma", "gamma", "K_lambda", "K_I"), "gains to tune, by name")

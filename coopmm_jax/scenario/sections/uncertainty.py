@@ -5,7 +5,8 @@
     disturbance.phase = { distribution = "uniform", low = 0.0, high = 6.283185307179586 }
     plant.m_obj = { distribution = "none" }  # whatever the base scenario says of it
 
->>> Uncertainty.model_validate({"plant": {"m_p": {"distribution": "normal", "mean": 5, "std": 0.1}}}).entries()[0].field
+>>> mass = {"distribution": "normal", "mean": 5, "std": 0.1}
+>>> UncertaintySection.model_validate({"plant": {"m_p": mass}}).entries()[0].field
 'm_p'
 """
 
@@ -17,8 +18,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.scenario.fields import Finite, Flag, Positive, Section
 from coopmm_jax.scenario.overrides import BY_ROBOT, KIND, merged
-from coopmm_jax.scenario.sections.schema import Finite, Flag, Positive, Section
 from coopmm_jax.scenario.validation import closest, validate
 
 _SHAPES = {  # distribution -> the numbers that describe it
@@ -75,7 +76,7 @@ class Entry(NamedTuple):
         return f"{self.section}.{self.field}" + ("" if self.robot is None else f".{self.robot + 1}")
 
 
-class Uncertainty(Section, extra="allow"):
+class UncertaintySection(Section, extra="allow"):
     """[uncertainty]: section.field = { distribution = ..., ... }; section.field.1 and .2 are one robot's."""
 
     # pydantic checks the fields that are allowed against this type
