@@ -18,6 +18,7 @@ from coopmm_jax import runtime
 if TYPE_CHECKING:  # for editors; at run time ``__getattr__`` fetches each of them from the same place
     from coopmm_jax.animation.film import animate
     from coopmm_jax.errors import UserError
+    from coopmm_jax.plotting import overview
     from coopmm_jax.runs.simulation import simulate
     from coopmm_jax.runs.store import read_run
     from coopmm_jax.runs.trajectory import Trajectory
@@ -35,6 +36,7 @@ __all__ = [
     "animate",
     "list_scenarios",
     "load_scenario",
+    "overview",
     "read_run",
     "replay",
     "simulate",
@@ -50,6 +52,7 @@ _MODULE_OF = {
     "animate": "animation.film",
     "list_scenarios": "scenario.scenario",
     "load_scenario": "scenario.scenario",
+    "overview": "plotting",
     "read_run": "runs.store",
     "replay": "sweeps.replay",
     "simulate": "runs.simulation",

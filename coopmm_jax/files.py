@@ -98,8 +98,9 @@ def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write arrays of any shape (...) by name."""
     import numpy as np
 
+    by_name: dict[str, Any] = dict(arrays)
     with whole_file(path) as stream:
-        np.savez(stream, **arrays)
+        np.savez(stream, **by_name)
 
 
 @contextlib.contextmanager

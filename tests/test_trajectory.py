@@ -13,8 +13,8 @@ def run():
     return cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.02}))
 
 
-def test_plot_is_the_overview(run):
-    figure = run.plot()
+def test_overview_is_among_the_package_s_names(run):
+    figure = cm.overview(run)
     assert len(figure.axes) == 12
     assert figure.axes[0].get_xlabel() == "x [m]"
 

@@ -18,7 +18,6 @@ from coopmm_jax.status import Status
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.figure import Figure
 
     from coopmm_jax.scenario.scenario import Scenario
 
@@ -97,16 +96,6 @@ class Trajectory:
         """Names of the constraint rows (m,)."""
         return self.scenario.coupling.rows
 
-    def plot(self) -> Figure:
-        """Everything about the run on one sheet, as ``plotting.overview`` draws it.
-
-        >>> import coopmm_jax as cm
-        >>> figure = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01})).plot()
-        """
-        from coopmm_jax import plotting  # imports matplotlib
-
-        return plotting.overview(self)
-
     def to_xarray(self) -> xarray.Dataset:
         """All arrays by name, with labelled dimensions and units; the rest in the data set's attributes.
 
@@ -171,4 +160,5 @@ def _described(name: str, about: Mapping[str, Any]) -> str:
     return f"        {name} ({', '.join(sizes)}) [{about['units']}]: {about['meaning']}\n"
 
 
-Trajectory.__doc__ += "\n    Arrays:\n" + "".join(_described(name, about) for name, about in ARRAYS.items())
+_listed = "".join(_described(name, about) for name, about in ARRAYS.items())
+Trajectory.__doc__ = f"{Trajectory.__doc__}\n    Arrays:\n{_listed}"

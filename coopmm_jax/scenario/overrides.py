@@ -26,7 +26,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 def read_toml(path: str | Path, field: str) -> dict[str, Any]:
-    """The tables of a TOML file that the user has named.
+    """Tables of a TOML file that the user has named.
 
     Raises:
         UserError: of ``field``, where the file cannot be read or is not TOML.
@@ -43,7 +43,7 @@ def read_toml(path: str | Path, field: str) -> dict[str, Any]:
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any], depth: int = 0) -> dict[str, Any]:
-    """``base`` with ``changes`` laid over it: tables are merged, everything else replaced.
+    """Tables of ``base`` with ``changes`` laid over them: tables are merged, everything else replaced.
 
     A table that says what kind of thing it describes replaces the one before, as numbers for one robot each replace
     those for both. A key of ``changes`` with dots stands for nested tables. numpy's scalars and arrays become numbers
@@ -59,16 +59,16 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any], depth: int = 0) 
         key, _, rest = str(dotted).partition(".")
         value = {rest: value} if rest else value
         if isinstance(value, Mapping):
-            inner = result.get(key)
-            kept = isinstance(inner, Mapping) and not _replaces(value, inner)
-            result[key] = merged(inner if kept else {}, value, depth + 1)
+            before = result.get(key)
+            inner = {} if not isinstance(before, Mapping) or _replaces(value, before) else before
+            result[key] = merged(inner, value, depth + 1)
         else:
             result[key] = value.tolist() if hasattr(value, "tolist") else value
     return result
 
 
 def _replaces(new: Mapping[str, Any], old: Mapping[str, Any]) -> bool:
-    """Whether nothing of an old table may survive in a new one."""
+    """True if nothing of an old table may survive in a new one."""
     return KIND in new or (KIND in old and new.keys() <= BY_ROBOT and bool(new))
 
 

@@ -1,4 +1,4 @@
-"""pydantic's errors, in this package's one grammar: which field, what it must be, what it was.
+"""Errors of pydantic, in this package's one grammar: the field, what it must be, what it was.
 
 >>> from coopmm_jax.scenario.sections.controller import GainsSection
 >>> validate(GainsSection, {"K_lambda": -2})
@@ -42,7 +42,7 @@ _LIKENED = 60  # characters of a name that may be a slip of the pen
 
 
 def validate(model: type[Model], data: Mapping[str, Any]) -> Model:
-    """An instance of ``model`` from ``data``.
+    """Instance of ``model`` from ``data``.
 
     Raises:
         UserError: the first thing wrong with ``data``, with the names of the other fields that are wrong.
@@ -56,7 +56,7 @@ def validate(model: type[Model], data: Mapping[str, Any]) -> Model:
 
 
 def closest(name: str, known: Iterable[str]) -> str:
-    """A parenthesis that names the known name most like ``name``, or nothing.
+    """Parenthesis with the known name most like ``name``, or nothing.
 
     >>> closest("gamm", ["gamma", "beta"])
     ' (did you mean gamma?)'
@@ -83,22 +83,24 @@ def _user_error(model: type[BaseModel], details: Mapping[str, Any]) -> UserError
 
 
 def _path(model: type[BaseModel], location: Iterable[str | int]) -> tuple[list[str | int], bool]:
-    """The keys of pydantic's location, and whether a tag that says "one number or a list" stood among them."""
-    path, tagged, fields, leaf = [], False, model.model_fields, False
+    """Keys of pydantic's location, and True if a tag that says "one number or a list" stood among them."""
+    path: list[str | int] = []
+    tagged, fields, leaf = False, model.model_fields, False
     for part in location:
         if leaf and part in _TAGS:
             tagged = True
             continue
         path.append(part)
-        kind = fields[part].annotation if part in fields else None
+        kind = fields[part].annotation if isinstance(part, str) and part in fields else None
         leaf, fields = kind is not None and not hasattr(kind, "model_fields"), getattr(kind, "model_fields", {})
     return path, tagged
 
 
 def _known(model: type[BaseModel], path: list[str | int]) -> str:
-    """What an unknown key must be: a field of the section, or a section, that it stands in."""
-    *sections, key = path
+    """Demand on an unknown key: a field of the section that it stands in, or a section."""
+    *sections, key = map(str, path)
+    fields = model.model_fields
     for section in sections:
-        model = model.model_fields[section].annotation
+        fields = getattr(fields[section].annotation, "model_fields", {})
     place = f"a field of [{'.'.join(sections)}]" if sections else "a section of the scenario"
-    return place + closest(key, model.model_fields)
+    return place + closest(key, fields)

@@ -1,4 +1,4 @@
-"""Plausible robots: what varies from sample to sample of a scenario, and the parameters of any of its samples.
+"""Plausible robots: the numbers that vary from sample to sample of a scenario, and the parameters of any sample.
 
 A sample is a point of the unit cube with one coordinate per draw; every varying number is a quantile of its
 distribution there. Points come from ``scenario/sampling.py``, or from a search through the cube: the map works on
@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.special
+from pydantic import BaseModel
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Inertia, Parameters, Structure
@@ -51,7 +52,7 @@ class Number(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Dotted, as the user writes it."""
+        """Dotted name, as the user writes it."""
         return f"{self.section}.{self.field}" + ("" if self.robot is None else f".{self.robot + 1}")
 
 
@@ -68,7 +69,7 @@ class Variation:
         return tuple(dict.fromkeys(number.draw for number in self.numbers))
 
     def values(self, points: Any) -> dict[str, Any]:
-        """The varying numbers by name, in the scenario's units.
+        """Varying numbers by name, in the scenario's units.
 
         Args:
             points: numpy or JAX array (..., D) in the open unit cube.
@@ -86,7 +87,7 @@ class Variation:
         return changed.parameters()._replace(nominal=unaware.parameters().nominal)
 
     def structure(self) -> Structure:
-        """The scenario's static choices, with every effect in force whose numbers vary."""
+        """Static choices of the scenario, with every effect in force whose numbers vary."""
         return self.scenario.structure({f"{number.section}.{number.field}" for number in self.numbers})
 
     def batch(self, points: np.ndarray, indices: Sequence[int]) -> Parameters:
@@ -101,12 +102,12 @@ class Variation:
         return jax.tree.map(lambda x: np.broadcast_to(x, len(indices)), parameters._replace(hardware=hardware))
 
     def sample(self, index: int, values: dict[str, float]) -> Scenario:
-        """The scenario of one sample, complete and certain, from its index and its numbers (scalars) by name.
+        """Scenario of one sample, complete and certain, from its index and its numbers (scalars) by name.
 
         Its masses and inertias of the controller's model are spelt out, so that they stay what they were.
         """
         nominal = self._with(values).model_copy(update={"plant": self.scenario.plant}).parameters().nominal
-        spelt_out = {name: [getattr(robot, name) for robot in nominal] for name in Inertia._fields}
+        spelt_out: dict[str, Any] = {name: [getattr(robot, name) for robot in nominal] for name in Inertia._fields}
         spelt_out["m_obj"] = nominal[1].m_obj
         changes = self._tables(values) | {f"nominal.{name}": value for name, value in spelt_out.items()}
         certain = self.scenario.model_copy(update={"uncertainty": type(self.scenario.uncertainty)()})
@@ -125,7 +126,7 @@ class Variation:
         return changes
 
     def _with(self, values: dict[str, Any]) -> Scenario:
-        """The scenario with unchecked values, arrays among them."""
+        """Scenario with unchecked values, arrays among them."""
         changes: dict[str, dict[str, Any]] = {}
         for name, value in self._tables(values).items():
             section, field = name.split(".")
@@ -137,7 +138,7 @@ class Variation:
 
 
 def vary(scenario: Scenario) -> Variation:
-    """What varies in a scenario, from its [uncertainty].
+    """Variation of a scenario, from its [uncertainty].
 
     Raises:
         UserError: a field that does not exist or cannot vary, a number that varies twice, or a distribution that
@@ -160,7 +161,7 @@ def vary(scenario: Scenario) -> Variation:
 
 
 def _check_end(variation: Variation, end: float) -> None:
-    """Every number alone must be possible, and matter, at its smallest and its largest."""
+    """Check that every number alone is possible, and matters, at its smallest and its largest."""
     nominal = variation.scenario.parameters()
     for number in variation.numbers:
         alone = Variation(variation.scenario, (number,))
@@ -177,7 +178,7 @@ def _check_end(variation: Variation, end: float) -> None:
 
 
 def _numbers(scenario: Scenario, entry: Entry) -> list[Number]:
-    """The numbers that one entry stands for."""
+    """Numbers that one entry stands for."""
     if (entry.section, entry.field) == ("plant", MASSES):
         if not entry.distribution.relative:
             raise UserError(f"uncertainty.{entry.name}.relative", f"true for {MASSES}", "false")
@@ -198,14 +199,14 @@ def _of_field(scenario: Scenario, entry: Entry, field: str) -> list[Number]:
     chosen = [None] if alike or not pair else robots
     numbers = []
     for robot in chosen:
-        base = value if robot is None else _pair(value)[robot]
+        base: Any = value if robot is None else _pair(value)[robot]
         about = Number(section, field, robot, base, *_described(kind, field), law, draw="")
         numbers.append(about._replace(draw=about.name if law.each else law.group or entry.name))
     return numbers
 
 
 def _current(scenario: Scenario, section: str, field: str) -> Any:
-    """The scenario's value of a field: a number or a pair; of the controller's model too, where the plant gives it."""
+    """Value of a field: a number or a pair; of the controller's model too, where the plant gives it."""
     allowed = [name for name in type(scenario).model_fields if name not in (*_EXCLUDED, "description")]
     if section not in allowed:
         raise UserError(f"uncertainty.{section}", f"one of {', '.join(allowed)}{closest(section, allowed)}", section)
@@ -224,8 +225,8 @@ def _current(scenario: Scenario, section: str, field: str) -> Any:
     return value
 
 
-def _is_pair(kind: type, field: str, value: Any) -> bool:
-    """Whether a field takes one number for each robot."""
+def _is_pair(kind: type[BaseModel], field: str, value: Any) -> bool:
+    """True if a field takes one number for each robot."""
     try:
         validate(kind, {field: _pair(value)})
     except UserError:
@@ -237,15 +238,15 @@ def _pair(value: Any) -> tuple[Any, Any]:
     return value if isinstance(value, tuple) else (value, value)
 
 
-def _described(kind: type, field: str) -> tuple[str, str]:
+def _described(kind: type[BaseModel], field: str) -> tuple[str, str]:
     """Unit and meaning from the description of a field, "meaning [unit]"."""
-    text = kind.model_fields[field].description
+    text = kind.model_fields[field].description or ""
     match = re.fullmatch(r"(.*) \[(.*)\]", text)
     return (match[2], match[1]) if match else ("-", text)
 
 
 def _value(number: Number, u: Any) -> Any:
-    """The number where the cube's coordinate is u."""
+    """Number where the cube's coordinate is u."""
     drawn = _quantile(number.distribution, u)
     if number.distribution.relative:
         return number.base * drawn
@@ -253,14 +254,16 @@ def _value(number: Number, u: Any) -> Any:
 
 
 def _quantile(law: Distribution, u: Any) -> Any:
+    low, high = law.bounds()
     if law.distribution == "uniform":
-        return law.low + (law.high - law.low) * u
+        return low + (high - low) * u
     if law.distribution == "log_uniform":
-        return law.low * (law.high / law.low) ** u
+        return low * (high / low) ** u
+    mean, std = law.moments()
     if law.distribution == "truncated_normal":
-        below, above = (float(scipy.special.ndtr((x - law.mean) / law.std)) for x in (law.low, law.high))
+        below, above = (float(scipy.special.ndtr((x - mean) / std)) for x in (low, high))
         u = below + (above - below) * u
-    return law.mean + law.std * _normal_quantile(u)
+    return mean + std * _normal_quantile(u)
 
 
 def _normal_quantile(u: Any) -> Any:

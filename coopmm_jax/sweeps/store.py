@@ -18,7 +18,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import zarr
@@ -70,7 +70,7 @@ class SweepStore:
         self.path, self._contents = path, contents
         names = [*_BY_SAMPLE, *contents.series.names]
         with zarr.config.set({"array.write_empty_chunks": True}):  # else a tile of nothing but fill values has no file
-            self._arrays = {name: group[name] for name in names}
+            self._arrays = {name: cast(zarr.Array, group[name]) for name in names}
         self._group = group
 
     @property
@@ -90,7 +90,7 @@ class SweepStore:
 
     def done(self, tile: int) -> bool:
         """Whether a tile is complete."""
-        return self.path is not None and all(path.exists() for path in self._files(tile))
+        return self.path is not None and all(path.exists() for path in self._files(self.path, tile))
 
     def write(self, tile: int, values: Mapping[str, np.ndarray]) -> None:
         """Write one tile: arrays (B, ...) by name, the last of its B samples perhaps beyond the sweep."""
@@ -110,7 +110,7 @@ class SweepStore:
             raise UserError("samples", f"at least {self.samples}, as {self.path} has", samples)
         tile, cut = divmod(self.samples, self._contents.tile)
         if samples > self.samples:
-            for path in self._files(tile) if cut else ():
+            for path in self._files(self.path, tile) if cut and self.path is not None else ():
                 path.unlink(missing_ok=True)
             for name, array in self._arrays.items():
                 rows = samples if name in _BY_SAMPLE else self._contents.kept(samples)
@@ -120,10 +120,10 @@ class SweepStore:
         """Everything written so far, read when it is used."""
         return _opened(self._group.store)
 
-    def _files(self, tile: int) -> list[Path]:
+    def _files(self, folder: Path, tile: int) -> list[Path]:
         keeping = tile * self._contents.tile < self._contents.kept(self.samples)
         names = [name for name in self._arrays if name in _BY_SAMPLE or keeping]
-        return [chunk_file(self.path, name, tile, self._arrays[name].ndim) for name in names]
+        return [chunk_file(folder, name, tile, self._arrays[name].ndim) for name in names]
 
 
 def in_memory(contents: Contents, samples: int) -> SweepStore:
@@ -210,7 +210,7 @@ def _opened(store: Any) -> xarray.Dataset:
 
     data = xarray.open_zarr(store, consolidated=False, chunks=None)
     # zarr lists arrays in any order; what every sample has comes first, for whoever looks at the data set.
-    return data[[*_BY_SAMPLE, *sorted(set(data.data_vars) - set(_BY_SAMPLE))]]
+    return data[[*_BY_SAMPLE, *sorted(set(map(str, data.data_vars)) - set(_BY_SAMPLE))]]
 
 
 def _group(path: Path) -> zarr.Group:
@@ -232,7 +232,7 @@ def _build(store: Any, contents: Contents, samples: int) -> zarr.Group:
     for dim, labels in (("parameter", contents.parameters), ("metric", contents.metrics)):
         for name, texts in zip((dim, f"{dim}_unit", f"{dim}_meaning"), labels, strict=True):
             group.create_array(name, data=np.array(texts, np.dtypes.StringDType()), dimension_names=(dim,))
-    times = {"units": "s", "long_name": "time"}
+    times: dict[str, Any] = {"units": "s", "long_name": "time"}
     group.create_array("t", data=contents.times, dimension_names=("t",), attributes=times)
     for name, shape, array in _arrays(contents, samples):
         chunks = (contents.tile, *shape[1:])

@@ -89,7 +89,7 @@ def parse(metric: str, text: Any) -> Requirement:
         limit = float(match[2]) if match else np.nan
     except ValueError:
         limit = np.nan
-    if not np.isfinite(limit):
+    if match is None or not np.isfinite(limit):
         must = f'one of {", ".join(_OPERATORS)} and a number, as in "<= 2.0"'
         raise UserError(metric, must, f'"{text}"' if isinstance(text, str) else text)
     return Requirement(metric, match[1], limit)

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -51,15 +52,24 @@ class Distribution(Section):
             if (name in needed) != (given is not None):
                 must = f"{'given' if name in needed else 'left out'} for {self.distribution}"
                 raise UserError(name, must, "missing" if given is None else given)
-        if "low" in needed and self.low >= self.high:
-            raise UserError("high", f"greater than low ({self.low:g})", self.high)
-        if self.distribution == "log_uniform" and self.low <= 0.0:
-            raise UserError("low", "greater than 0 for log_uniform", self.low)
+        low, high = self.bounds()
+        if low >= high:
+            raise UserError("high", f"greater than low ({low:g})", high)
+        if self.distribution == "log_uniform" and low <= 0.0:
+            raise UserError("low", "greater than 0 for log_uniform", low)
         if self.relative and self.offset:
             raise UserError("offset", "left out where relative is true", "true")
         if self.each and self.group:
             raise UserError("group", "left out where each is true", self.group)
         return self
+
+    def bounds(self) -> tuple[float, float]:
+        """Smallest and largest value, in the units of the field or of the factor on it."""
+        return (-math.inf if self.low is None else self.low, math.inf if self.high is None else self.high)
+
+    def moments(self) -> tuple[float, float]:
+        """Mean and standard deviation, likewise; 0 and 1 for a distribution without them."""
+        return (0.0 if self.mean is None else self.mean, 1.0 if self.std is None else self.std)
 
 
 class Entry(NamedTuple):
