@@ -21,6 +21,7 @@ class Status(enum.IntEnum):
     SINGULAR_CONTACT = 3
     SINGULAR_GUIDE = 4
     UNREACHABLE = 5
+    TOO_LONG = 6
 
     @property
     def message(self) -> str:
@@ -35,4 +36,5 @@ _MESSAGES = {
     Status.SINGULAR_CONTACT: "arm of robot I became singular for its contact rows (determinant of J_dep)",
     Status.SINGULAR_GUIDE: "arm of robot II became singular for its guide rows (determinant of J_dep)",
     Status.UNREACHABLE: "no start configuration meets the constraint rows: an arm cannot reach its contact or guide",
+    Status.TOO_LONG: "more steps were asked for than the compiled rollout has room for",
 }

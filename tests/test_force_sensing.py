@@ -1,11 +1,12 @@
 """Readings of the force sensor, and gains for which the force loop around it is stable."""
 
+import jax
 import numpy as np
 import pytest
 
 from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.devices import Noise, initial_devices, sense
-from coopmm_jax.loop.rollout import as_scalars
+from coopmm_jax.loop.rollout import Plan, as_scalars, rollout
 from coopmm_jax.loop.start import initial_state
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.model import build_model
@@ -24,10 +25,10 @@ def shown(structure, forces, errors=None):
     """Readings of the sensor at the samples 0, 1, ... while the normal force is ``forces``."""
     model = as_scalars(build_model(Parameters(hardware=Hardware(force_lag=LAG))), float)
     devices, values = initial_devices(structure, 0.0), []
-    for force, error in zip(forces, errors if errors is not None else [None] * len(forces), strict=True):
+    for sample, force in enumerate(forces):
         values.append(devices.force[0])
-        noise = None if error is None else Noise((), (), (error,))
-        devices = sense(structure, model, PERIOD, devices, (force,), noise)
+        noise = None if errors is None else Noise((), (), (errors[sample],))
+        devices = sense(structure, model, sample, PERIOD, devices, (force,), noise)
     return np.array(values, float)
 
 
@@ -69,6 +70,15 @@ def test_ideal_sensor_shows_the_force_its_own_torque_causes_with_its_bias(furthe
     np.testing.assert_allclose(np.array(rates.controller.force_integral), expected, rtol=0, atol=1e-12)
 
 
+def test_program_does_not_grow_with_the_delay():
+    def traced(delay):
+        structure, plan = SENSED._replace(force_delay=delay), Plan.alone(2000)
+        return jax.make_jaxpr(lambda p: rollout(structure, p, 1e-3, 2000, plan).state.velocity)(Parameters())
+
+    short, long = (str(traced(delay)).count(" = ") for delay in (2, 1000))
+    assert long == short
+
+
 LAG_BOUND = (1.0 + KEEP) / (1.0 - KEEP)
 LOOPS = {  # name -> structure, force lag [s], gain, factor of the force's error from one sample to the next
     **{f"delay {gain}": (DELAYED, 0.0, gain, -gain) for gain in (0.99, 1.01, -0.99, -1.01)},
@@ -83,12 +93,14 @@ LOOPS = {  # name -> structure, force lag [s], gain, factor of the force's error
     },
 }
 STEPS = 300
+LATE = 3  # samples
 
 
 @pytest.fixture(scope="module")
 def runs():
-    """`sensed`, and each of LOOPS with a desired contact force of 15 and of 16 N and no integral gain."""
-    paper, jobs = Parameters(), {"sensed": (SENSED, load_scenario("sensed").parameters(), 1e-3, 500)}
+    """`sensed` by its delay, and each of LOOPS with a desired contact force of 15 and of 16 N and no integral gain."""
+    paper, sensed = Parameters(), load_scenario("sensed").parameters()
+    jobs = {0: (SENSED, sensed, 1e-3, 500), LATE: (SENSED._replace(force_delay=LATE), sensed, 1e-3, 500)}
     for name, (structure, lag, gain, _) in LOOPS.items():
         gains = paper.gains._replace(K_lambda=(gain,) * 4, K_I=(0.0,) * 4)
         for wanted in (15.0, 16.0):
@@ -98,13 +110,15 @@ def runs():
     return runs_apart(jobs)
 
 
-def test_sensor_in_the_loop_follows_the_contact_forces(runs):
+@pytest.mark.parametrize("delay", [0, LATE])
+def test_sensor_in_the_loop_follows_the_contact_forces(runs, delay):
     """Force that the controller took in, from the steps of its integral, is the lag of the recorded forces."""
-    signals, period = runs["sensed"].signals, 1e-3
+    signals, period = runs[delay].signals, 1e-3
     desired = np.array(signals.constraint_force) - np.array(signals.force_error)
     taken_in = desired[:, :-1] + np.diff(np.array(signals.controller.force_integral)) / period
     keep, expected = np.exp(-period / 5e-3), [np.zeros(4)]
-    for force in np.array(signals.constraint_force).T[:-2]:
+    arriving = np.concatenate([np.zeros((delay, 4)), np.array(signals.constraint_force).T])
+    for force in arriving[: taken_in.shape[1] - 1]:
         expected.append(keep * expected[-1] + (1 - keep) * force)
     np.testing.assert_allclose(taken_in.T, expected, rtol=0, atol=1e-10)
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coopmm_jax.loop.form import Scalars, Vectors
+from coopmm_jax.loop.form import Packed, Scalars, Vectors
 from coopmm_jax.loop.integrate import rk4_step
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.loop.state import Signals
@@ -74,6 +74,15 @@ def test_only_what_is_read_is_packed(vectors):
     back = vectors.unpack(packed)
     assert float(back.constraint_force[0]) == pytest.approx(float(signals.constraint_force[0]), rel=1e-15)
     assert [float(x) for x in back.sigma] == [0.0, 0.0]
+
+
+def test_arrays_stay_apart_and_keep_their_shape():
+    tree = {"scalar": jnp.float64(2.0), "line": jnp.arange(6.0).reshape(3, 2), "count": jnp.int32(3)}
+    packed = Packed.of(tree, float)
+    assert packed.values.tolist() == [3.0, 2.0]
+    back = packed.unpack()
+    assert back["line"] is tree["line"]
+    assert (back["count"].dtype, int(back["count"]), float(back["scalar"])) == (jnp.int32, 3, 2.0)
 
 
 def test_totals_keep_their_types():

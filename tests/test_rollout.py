@@ -4,7 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax.loop.rollout import Plan
+from coopmm_jax.errors import UserError
+from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.status import Status
 
@@ -53,6 +54,17 @@ def test_plan_covers_both_ends(steps, length, segments):
     assert Plan.batch(steps, length) == Plan(segments, length)
     assert Plan.alone(steps, length) == Plan(segments, length, packed=True)
     assert Plan.gradient(steps, length) == Plan(segments, length, checkpoint=True, packed=True)
+
+
+def test_more_steps_than_the_plan_has_room_for_are_refused():
+    with pytest.raises(UserError, match="steps: must be at most 50, which the plan has room for, was 500"):
+        rollout(Structure(), Parameters(), 1e-3, 500, Plan.alone(50))
+
+
+def test_traced_steps_beyond_the_plan_are_a_failure(program):
+    run = program(PAPER, steps=program.STEPS + 1)
+    assert (run.health.status, run.health.step) == (Status.TOO_LONG, 0)
+    assert np.array_equal(numbers(run.state.position), numbers(run.signals.position)[:, 0])
 
 
 FAILURES = {

@@ -20,7 +20,7 @@ class Devices(NamedTuple):
 
     torque: Vector = ()  # applied torques, robot I's five then robot II's, behind their lag [N m]
     force: Vector = ()  # reading of the force sensor (m,) [N]
-    late_forces: tuple[Vector, ...] = ()  # measured forces on their way, the next to arrive first [N]
+    late_forces: jax.Array | None = None  # measured forces on their way (waiting, m), a ring [N]; None: none wait
 
 
 class Noise(NamedTuple):
@@ -112,13 +112,20 @@ def draw_noise(structure: Structure, model: Model, sample: Scalar) -> Noise:
 
 
 def sense(
-    structure: Structure, model: Model, period: Scalar, devices: Devices, forces: Vector, noise: Noise | None
+    structure: Structure,
+    model: Model,
+    sample: Scalar,
+    period: Scalar,
+    devices: Devices,
+    forces: Vector,
+    noise: Noise | None,
 ) -> Devices:
     """The force sensor at the next sample: noise, delay line, then the exact first-order lag over one period.
 
     Args:
         structure: static choices.
         model: time constant of the sensor.
+        sample: number of this sample.
         period: control period [s].
         devices: at this sample.
         forces: lambda (m,) at this sample [N].
@@ -129,8 +136,11 @@ def sense(
     arriving = forces if noise is None else plus(forces, noise.force)
     late = devices.late_forces
     # The sample just taken is itself seen one sample later, so a delay of one needs no line.
-    if late:
-        arriving, late = late[0], (*late[1:], arriving)
+    if late is not None:
+        place = sample % len(late)  # of the oldest, which the newest replaces: no delay makes a program longer
+        oldest = jax.lax.dynamic_index_in_dim(late, place, keepdims=False)
+        late = jax.lax.dynamic_update_index_in_dim(late, jnp.stack(arriving), place, 0)
+        arriving = tuple(oldest[i] for i in range(len(forces)))
     shown = arriving
     if structure.features.force_lag:
         keep = jnp.exp(-period / model.hardware.force_lag)
@@ -140,10 +150,10 @@ def sense(
 
 def initial_devices(structure: Structure, zero: Scalar) -> Devices:
     """Sensors and actuators at rest; ``zero`` is a scalar of the rollout's dtype."""
-    force = (zero,) * len(structure.rows)
+    rows = len(structure.rows)
     waiting = structure.force_delay if structure.features.force_lag else structure.force_delay - 1
     return Devices(
         torque=(zero,) * (ROBOTS * ACTUATORS) if structure.features.actuator_lag else (),
-        force=() if ideal_sensing(structure) else force,
-        late_forces=(force,) * max(waiting, 0),
+        force=() if ideal_sensing(structure) else (zero,) * rows,
+        late_forces=jnp.zeros((waiting, rows), jnp.result_type(zero)) if waiting > 0 else None,
     )

@@ -23,16 +23,23 @@ from coopmm_jax.loop.state import Signals
 
 
 class _Layout(NamedTuple):
-    """Static part of ``Packed``: the pytree's structure, and of each leaf whether it was packed, and its dtype."""
+    """Static part of ``Packed``."""
 
-    structure: Any
-    kept: tuple[bool, ...]
-    dtypes: tuple[Any, ...]  # to convert back to; None for numbers of the vector's own dtype
+    structure: Any  # of the pytree
+    leaves: tuple[_Leaf, ...]
+
+
+class _Leaf(NamedTuple):
+    """Place of one leaf of a pytree."""
+
+    kept: bool
+    scalar: bool
+    dtype: Any  # to convert back to; None where it is the vector's own
 
 
 @jax.tree_util.register_pytree_node_class
 class Packed:
-    """Leaves of a pytree as one vector, along its last axis.
+    """Scalars of a pytree as one vector, along its last axis, and its arrays.
 
     What a scan stacks step by step has to be packed in any form. XLA writes a scan's output in place, but with
     multi-output fusion on the CPU (see ``runtime.use_fast_compilation``) it merges the writes of many outputs into one
@@ -42,50 +49,60 @@ class Packed:
     2.0
     """
 
-    def __init__(self, values: Any, layout: _Layout):
-        self.values, self.layout = values, layout
+    def __init__(self, values: jax.Array, arrays: tuple[jax.Array, ...], layout: _Layout):
+        self.values, self.arrays, self.layout = values, arrays, layout
 
     @classmethod
     def of(cls, tree: PyTree, dtype: Any, kept: tuple[bool, ...] | None = None) -> Packed:
-        """Pack a pytree of scalars, each converted to ``dtype``.
+        """Pack a pytree, each scalar converted to ``dtype``.
 
         Args:
-            tree: of scalars.
+            tree: of scalars and arrays.
             dtype: of the vector.
-            kept: for each leaf, whether to pack it; the others come back as zeros.
+            kept: for each leaf, whether to pack it; scalars that are not come back as zeros.
         """
         leaves, structure = jax.tree.flatten(tree)
-        kept = kept or (True,) * len(leaves)
-        chosen = [jnp.asarray(leaf, dtype) for leaf, keep in zip(leaves, kept, strict=True) if keep]
-        values = jnp.stack(chosen) if chosen else jnp.zeros(0, dtype)
-        return cls(values, _Layout(structure, kept, tuple(_other_dtype(leaf, values.dtype) for leaf in leaves)))
+        places = [
+            _Leaf(keep, jnp.ndim(leaf) == 0, _other_dtype(leaf, dtype))
+            for leaf, keep in zip(leaves, kept or (True,) * len(leaves), strict=True)
+        ]
+        pairs = list(zip(leaves, places, strict=True))
+        scalars = [jnp.asarray(leaf, dtype) for leaf, place in pairs if place.kept and place.scalar]
+        arrays = tuple(leaf for leaf, place in pairs if not place.scalar)
+        values = jnp.stack(scalars) if scalars else jnp.zeros(0, dtype)
+        return cls(values, arrays, _Layout(structure, tuple(places)))
 
     def unpack(self) -> PyTree:
         """The pytree again, each leaf with the axes that were put before the last one.
 
         By one split, whose transpose is one concatenation: that of an index would pad each leaf to the whole vector.
         """
-        structure, kept, dtypes = self.layout
-        axis, count = self.values.ndim - 1, sum(kept)
+        axis = self.values.ndim - 1
+        count = self.values.shape[axis]
         columns = iter(jax.lax.split(self.values, (1,) * count, axis) if count else ())
-        zero = jnp.zeros((), self.values.dtype)
-        leaves = [jnp.squeeze(next(columns), axis) if keep else zero for keep in kept]
-        back = [x if dtype is None else x.astype(dtype) for x, dtype in zip(leaves, dtypes, strict=True)]
-        return jax.tree.unflatten(structure, back)
+        arrays, zero = iter(self.arrays), jnp.zeros((), self.values.dtype)
 
-    def tree_flatten(self) -> tuple[tuple[Any], _Layout]:
-        """The vector, which JAX traces, and the layout, which it compares."""
-        return (self.values,), self.layout
+        def leaf(place: _Leaf) -> jax.Array:
+            if not place.scalar:
+                return next(arrays)
+            value = jnp.squeeze(next(columns), axis) if place.kept else zero
+            return value if place.dtype is None else value.astype(place.dtype)
+
+        return jax.tree.unflatten(self.layout.structure, [leaf(place) for place in self.layout.leaves])
+
+    def tree_flatten(self) -> tuple[tuple[jax.Array, tuple[jax.Array, ...]], _Layout]:
+        """Vector and arrays, which JAX traces, and the layout, which it compares."""
+        return (self.values, self.arrays), self.layout
 
     @classmethod
-    def tree_unflatten(cls, layout: _Layout, children: tuple[Any]) -> Packed:
+    def tree_unflatten(cls, layout: _Layout, children: tuple[jax.Array, tuple[jax.Array, ...]]) -> Packed:
         """The inverse of ``tree_flatten``."""
         return cls(*children, layout)
 
 
 def _other_dtype(leaf: Any, dtype: Any) -> Any:
-    own = getattr(leaf, "dtype", dtype)
-    return None if own == dtype else own
+    own = getattr(leaf, "dtype", None)
+    return None if own is None or own == dtype else own
 
 
 class Scalars:

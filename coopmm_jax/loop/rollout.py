@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 
 from coopmm_jax.algebra.types import Bool, PyTree, Scalar
+from coopmm_jax.errors import UserError
 from coopmm_jax.loop.closed_loop import continuous_step
 from coopmm_jax.loop.form import Form, Packed, Scalars, Vectors
 from coopmm_jax.loop.health import Health, judge
@@ -40,6 +42,11 @@ class Plan(NamedTuple):
     length: int
     checkpoint: bool = False
     packed: bool = False  # carry vectors, see ``loop.form``
+
+    @property
+    def room(self) -> int:
+        """The largest number of steps."""
+        return self.segments * self.length - 1
 
     @classmethod
     def alone(cls, steps: int, length: int = 1) -> Plan:
@@ -116,14 +123,21 @@ def rollout(
         record: keep (t, signals) at each segment's start; static.
 
     Returns:
-        ``Rollout``; after a failure the state, totals and records stay at their last good values.
+        ``Rollout``; after a failure the state, totals and records stay at their last good values. Traced ``steps`` that
+        the plan has no room for are a failure, ``Status.TOO_LONG``, before the first step.
+
+    Raises:
+        UserError: the plan has no room for so many steps.
     """
+    if not isinstance(steps, Tracer) and steps > plan.room:
+        raise UserError("steps", f"at most {plan.room}, which the plan has room for", steps)
     dtype = jnp.result_type(float)
     parameters, step = as_scalars(parameters, dtype), jnp.asarray(step, dtype)
     model = build_model(parameters)
     start = initial_state(structure, model, parameters)
     reachable = start.residual < max(_START_TOLERANCE, 30.0 * float(jnp.finfo(dtype).eps))
-    health = Health(jnp.where(reachable, Status.OK.value, Status.UNREACHABLE.value).astype(jnp.int32), jnp.int32(0))
+    code = jnp.where(reachable, Status.OK.value, Status.UNREACHABLE.value)
+    health = Health(jnp.where(steps > plan.room, Status.TOO_LONG.value, code).astype(jnp.int32), jnp.int32(0))
 
     form = Vectors(dtype, functools.partial(_all_that_is_read, start, observer, record)) if plan.packed else Scalars()
     model = Model(*map(form.pack, model))  # its parts apart: a vector of all has a derivative as soon as one part has

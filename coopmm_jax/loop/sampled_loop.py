@@ -63,7 +63,8 @@ def sampled_step(
     held = functools.partial(form.field(functools.partial(_driven, structure)), (model, target))
     step, (start,) = period / structure.substeps, form.lifted(_motion)(state)
     moved, forces = rk4_hold(held, t, step, structure.substeps, start)
-    return form.lifted(functools.partial(_next, structure, period))(model, state, signals, decision, moved, forces)
+    finish = form.lifted(functools.partial(_next, structure, sample, period))
+    return finish(model, state, signals, decision, moved, forces)
 
 
 def _decide(
@@ -110,6 +111,7 @@ def _driven(structure: Structure, known: tuple[Model, Pair[Vector]], t: Scalar, 
 
 def _next(
     structure: Structure,
+    sample: Scalar,
     period: Scalar,
     model: Model,
     state: State,
@@ -123,7 +125,7 @@ def _next(
     That lambda is computed anyway; the one that ``_decide`` finds then need not be.
     """
     controller = jax.tree.map(lambda x, rate: x + period * rate, state.controller, decision.controller)
-    devices = sense(structure, model, period, state.devices, forces, decision.noise)._replace(torque=moved.torque)
+    devices = sense(structure, model, sample, period, state.devices, forces, decision.noise)
     force_error = minus(forces, desired_force(model.reference, structure.rows))
     signals = signals._replace(constraint_force=forces, force_error=force_error)
-    return State(moved.position, moved.velocity, controller, devices), signals
+    return State(moved.position, moved.velocity, controller, devices._replace(torque=moved.torque)), signals
