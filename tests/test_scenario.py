@@ -145,7 +145,10 @@ def test_base_is_inherited_by_name_and_by_relative_path(tmp_path):
             {"coupling.rows": ["contact_normal"], "gains.K_I": [1, 1, 1, 1]},
             "gains.K_I: must be one number or a list of 1, one per constraint row, was a list of 4",
         ),
-        ({"gains.gamma": [1, 2]}, "gains.gamma: must be one number or a list of 5, was a list of 2"),
+        (
+            {"gains.gamma": [1, 2]},
+            "gains.gamma: must be one number or a list of 5, one per estimate of (20)-(24), was a list of 2",
+        ),
         ({"gains.K_lamda": 1}, "gains.K_lamda: must be a field of [gains] (did you mean K_lambda?), was unknown"),
         ({"gain": {}}, "gain: must be a section of the scenario (did you mean gains?), was unknown"),
         ({"gains": 3}, "gains: must be a table of fields, was 3"),

@@ -33,9 +33,6 @@ _One = Annotated[Number, Tag("one")]
 Pair = Annotated[
     _One | Annotated[tuple[Number, ...], Field(min_length=2, max_length=2), Tag("list")], Discriminator(_one_or_list)
 ]
-PerChannel = Annotated[  # the five robust terms of (19)
-    _One | Annotated[tuple[Number, ...], Field(min_length=5, max_length=5), Tag("list")], Discriminator(_one_or_list)
-]
 PerEntry = Annotated[_One | Annotated[tuple[Number, ...], Tag("list")], Discriminator(_one_or_list)]
 
 

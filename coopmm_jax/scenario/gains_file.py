@@ -15,15 +15,14 @@ import tomli_w
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Gains
 from coopmm_jax.scenario.overrides import read_toml
+from coopmm_jax.scenario.sections.controller import GAINS, gain_tables
 
-_SECTIONS = ("gains", "law")
+_SECTIONS = {gain.section for gain in GAINS.values()}
 
 
 def gains_text(gains: Gains) -> str:
-    """TOML of every gain, in the sections that a scenario has them in: [gains], and [law] for delta's floor."""
-    values = {name: list(map(float, x)) if isinstance(x, tuple) else float(x) for name, x in gains._asdict().items()}
-    law = {"delta_floor": values.pop("delta_floor")}
-    return tomli_w.dumps({"gains": values, "law": law})
+    """TOML of every gain, in the sections that a scenario has them in."""
+    return tomli_w.dumps(gain_tables(gains))
 
 
 def read_gains(path: str | Path) -> dict[str, Any]:

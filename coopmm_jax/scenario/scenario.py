@@ -22,7 +22,6 @@ from coopmm_jax.files import resolve_path
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import (
     Disturbance,
-    Gains,
     Geometry,
     Inertia,
     Parameters,
@@ -33,7 +32,13 @@ from coopmm_jax.parameters import (
     Surface,
 )
 from coopmm_jax.scenario.overrides import merged, read_toml
-from coopmm_jax.scenario.sections.controller import GainsSection, LawSection, NominalSection, ReferenceSection
+from coopmm_jax.scenario.sections.controller import (
+    GainsSection,
+    LawSection,
+    NominalSection,
+    ReferenceSection,
+    full_gains,
+)
 from coopmm_jax.scenario.sections.hardware import HardwareSections
 from coopmm_jax.scenario.sections.plant import CouplingSection, DisturbanceSection, InitialSection, PlantSection
 from coopmm_jax.scenario.sections.requirements import RequirementsSection
@@ -41,8 +46,6 @@ from coopmm_jax.scenario.sections.simulation import SimulationSection
 from coopmm_jax.scenario.sections.tuning import TuningSection
 from coopmm_jax.scenario.sections.uncertainty import UncertaintySection
 from coopmm_jax.scenario.validation import closest, validate
-
-VELOCITIES = 10  # of both robots; each constraint row makes one of them dependent
 
 
 class Scenario(HardwareSections):
@@ -109,7 +112,7 @@ class Scenario(HardwareSections):
         return Parameters(
             plant=self._plant(),
             nominal=self._nominal(),
-            gains=self._gains(),
+            gains=full_gains(dict(self), len(self.coupling.rows)),
             disturbance=Disturbance(**dict(self.disturbance)),
             reference=self._reference(),
             start=_per_robot(Pose, dict(self.initial)),
@@ -126,20 +129,9 @@ class Scenario(HardwareSections):
         given = {name: value for name, value in self.nominal if name != "scale" and value is not None}
         return _inertias(plant | given)
 
-    def _gains(self) -> Gains:
-        values = dict(self.gains) | {"delta_floor": self.law.delta_floor}
-        counts = {"gamma": 5, "c_hat0": 5} | {name: count for name, (count, _) in self._entries().items()}
-        return Gains(**values | {name: _spread(values[name], count) for name, count in counts.items()})
-
     def _reference(self) -> Reference:
         values = dict(self.reference)
         return Reference(**values | {name: _spread(values[name], 2) for name in ("radius", "arm_centre", "arm_swing")})
-
-    def _entries(self) -> dict[str, tuple[int, str]]:
-        """The gains whose number follows from the constraint rows: how many, and one for each of what."""
-        rows = len(self.coupling.rows)
-        per_row = (rows, "constraint row")
-        return {"K_sigma": (VELOCITIES - rows, "independent velocity"), "K_lambda": per_row, "K_I": per_row}
 
     @model_validator(mode="after")
     def _whole_control_periods(self) -> Scenario:
@@ -148,11 +140,7 @@ class Scenario(HardwareSections):
 
     @model_validator(mode="after")
     def _numbers_of_gains(self) -> Scenario:
-        for name, (count, what) in self._entries().items():
-            value = getattr(self.gains, name)
-            if isinstance(value, tuple) and len(value) != count:
-                must = f"one number or a list of {count}, one per {what}"
-                raise UserError(f"gains.{name}", must, f"a list of {len(value)}")
+        full_gains(dict(self), len(self.coupling.rows))
         return self
 
     @model_validator(mode="after")

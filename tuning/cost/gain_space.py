@@ -18,6 +18,7 @@ from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Gains
+from coopmm_jax.scenario.sections.controller import GAINS
 
 if TYPE_CHECKING:
     from coopmm_jax.scenario.scenario import Scenario
@@ -127,7 +128,7 @@ def gain_space(scenario: Scenario) -> GainSpace:
 
 
 def _offset(name: str) -> float:
-    return 1.0 if name == "K_lambda" else 0.0
+    return GAINS[name].offset
 
 
 def _logit(fraction: np.ndarray) -> np.ndarray:

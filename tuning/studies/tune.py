@@ -16,6 +16,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.files import locked_folder, resolve_path, write_csv, write_text
 from coopmm_jax.scenario.gains_file import gains_text
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.scenario.sections.controller import gain_tables
 from tuning.cost.problem import RACE, TEST, TRAINING, VALIDATION, Problem, build_problem
 from tuning.search import method
 from tuning.search.method import Candidate
@@ -182,15 +183,10 @@ def _unpacked(problem: Problem, chosen: method.LBFGS | method.Optax, arrays: dic
 def _result(problem: Problem, run: Progressing) -> TuningResult:
     space, s = problem.space, problem.scenario.tuning
     gains = space.gains(run.best)
-    changes: dict[str, Any] = {}
-    for name in space.names:
-        value = getattr(gains, name)
-        place = "law" if name == "delta_floor" else "gains"
-        changes[f"{place}.{name}"] = [float(x) for x in value] if isinstance(value, tuple) else float(value)
     vectors = np.stack([space.start, run.best])
     comparison = compare(problem, vectors, TEST, s.test_samples)
     before, after = (np.asarray(space.values(vector)) for vector in vectors)
-    tuned = problem.scenario.with_overrides(changes)
+    tuned = problem.scenario.with_overrides(gain_tables(gains, space.names))
     return TuningResult(tuned, space.labels(), before, after, run.history, comparison)
 
 

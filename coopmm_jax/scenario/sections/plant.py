@@ -18,7 +18,7 @@ from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, Positive, Sect
 
 _geometry, _inertia, _surface = parameters.Geometry(), parameters.Inertia(), parameters.Surface()
 _plant, _disturbance, _rows = parameters.Plant(), parameters.Disturbance(), parameters.Structure().rows
-_start = parameters.Pose(*zip(*parameters.PAPER_START))
+_start = dict(zip(parameters.Pose._fields, zip(*parameters.PAPER_START)))
 
 
 class PlantSection(Section):
@@ -78,9 +78,9 @@ class DisturbanceSection(Section):
 class InitialSection(Section):
     """[initial]: coordinates at t = 0, at rest; a2 and a3 are first guesses that the constraints correct."""
 
-    x: Pair[Finite] = quantity(_start.x, "midpoint of the axle [m]")
-    y: Pair[Finite] = quantity(_start.y, "midpoint of the axle [m]")
-    th: Pair[Finite] = quantity(_start.th, "angle of the platform [rad]")
-    a1: Pair[Finite] = quantity(_start.a1, "yaw of the arm [rad]")
-    a2: Pair[Finite] = quantity(_start.a2, "pitch of link 2 from the horizontal [rad]")
-    a3: Pair[Finite] = quantity(_start.a3, "pitch of link 3 from link 2 [rad]")
+    x: Pair[Finite] = quantity(_start["x"], "midpoint of the axle [m]")
+    y: Pair[Finite] = quantity(_start["y"], "midpoint of the axle [m]")
+    th: Pair[Finite] = quantity(_start["th"], "angle of the platform [rad]")
+    a1: Pair[Finite] = quantity(_start["a1"], "yaw of the arm [rad]")
+    a2: Pair[Finite] = quantity(_start["a2"], "pitch of link 2 from the horizontal [rad]")
+    a3: Pair[Finite] = quantity(_start["a3"], "pitch of link 3 from link 2 [rad]")

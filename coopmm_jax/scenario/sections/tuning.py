@@ -13,35 +13,28 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Strict, field_validator, model_validator
+from pydantic import Field, Strict, create_model, field_validator, model_validator
 
 from coopmm_jax.errors import UserError, shown
-from coopmm_jax.scenario.fields import AboveMinusOne, Count, NotNegative, Positive, Section, quantity
+from coopmm_jax.scenario.fields import Count, Finite, NotNegative, Positive, Section, quantity
+from coopmm_jax.scenario.sections.controller import GAINS
 from coopmm_jax.scenario.validation import closest
 
-Range = Annotated[tuple[Positive, Positive], Field(min_length=2, max_length=2)]
-RangeAboveMinusOne = Annotated[tuple[AboveMinusOne, AboveMinusOne], Field(min_length=2, max_length=2)]
 Adversaries = Annotated[int, Strict(), Field(ge=0, le=32)]  # no search finds more different ones for certain
 Level = Annotated[float, Strict(), Field(ge=0, lt=1)]
 
 
-class Bounds(Section):
-    """[tuning.bounds]: [low, high] of every entry of a gain; the search is logarithmic between them."""
+def _range(offset: float) -> Any:
+    bound = Annotated[Finite, Field(gt=0.0 - offset)]  # 0 - 0 is 0, in messages too
+    return Annotated[tuple[bound, bound], Field(min_length=2, max_length=2)]
 
-    K_sigma: Range = (0.05, 50.0)
-    gamma: Range = (1e-3, 10.0)
-    c_hat0: Range = (0.01, 100.0)
-    K_lambda: RangeAboveMinusOne = (0.0, 30.0)  # logarithmic in 1 + K_lambda
-    K_I: Range = (0.05, 200.0)
-    K_u: Range = (0.01, 100.0)
-    K_a: Range = (0.02, 100.0)
-    k0: Range = (0.05, 500.0)
-    k1: Range = (1.0, 2000.0)
-    k2: Range = (0.05, 100.0)
-    k3: Range = (0.05, 100.0)
-    beta: Range = (0.01, 100.0)
-    lam_min: Range = (0.01, 100.0)
-    delta_floor: Range = (1e-4, 1.0)
+
+_fields: dict[str, Any] = {name: (_range(gain.offset), gain.bounds) for name, gain in GAINS.items()}
+_Ranges = create_model("_Ranges", __base__=Section, **_fields)
+
+
+class Bounds(_Ranges):
+    """[tuning.bounds]: [low, high] of every entry of a gain; the search is logarithmic between them."""
 
     @model_validator(mode="after")
     def _low_before_high(self) -> Bounds:
