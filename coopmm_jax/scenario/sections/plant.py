@@ -18,7 +18,7 @@ from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, Positive, Sect
 
 _geometry, _inertia, _surface = parameters.Geometry(), parameters.Inertia(), parameters.Surface()
 _plant, _disturbance, _rows = parameters.Plant(), parameters.Disturbance(), parameters.Structure().rows
-_start = dict(zip(parameters.Pose._fields, zip(*parameters.PAPER_START)))
+_start = dict(zip(parameters.Pose._fields, zip(*parameters.PAPER_START)))  # coordinate -> one for each robot
 
 
 class PlantSection(Section):
