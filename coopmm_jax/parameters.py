@@ -51,7 +51,7 @@ class Surface(NamedTuple):
 
 
 class Plant(NamedTuple):
-    """What is simulated: two robots, their coupling, gravity [m/s^2]."""
+    """Plant that is simulated: two robots, their coupling, gravity [m/s^2]."""
 
     geometry: Pair[Geometry] = (Geometry(), Geometry())
     inertia: Pair[Inertia] = (Inertia(), Inertia(m_obj=0.5))
@@ -111,7 +111,7 @@ class Pose(NamedTuple):
 
 
 class Hardware(NamedTuple):
-    """What separates a real loop from the paper's: every default is the ideal. See ``Features``."""
+    """Differences of a real loop from the paper's: every default is the ideal. See ``Features``."""
 
     force_lag: Scalar = 0.0  # time constant of the force sensor [s]
     force_bias: Scalar = 0.0  # of every measured row [N]
@@ -168,7 +168,7 @@ class Features(NamedTuple):
 
     @property
     def limits(self) -> bool:
-        """Whether torques are limited, in either form."""
+        """True if torques are limited, in either form."""
         return self.torque_limits or self.smooth_limits
 
 

@@ -23,7 +23,7 @@ def _structural(a: Scalar, value: int) -> bool:
 
 
 def is_zero(a: Scalar) -> bool:
-    """Whether a scalar is a structural zero."""
+    """True if a scalar is a structural zero."""
     return _structural(a, 0)
 
 

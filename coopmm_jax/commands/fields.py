@@ -23,7 +23,7 @@ def fields_help() -> str:
 
 
 def takes_names(key: str) -> bool:
-    """Whether the field of a dotted key takes a list of names.
+    """True if the field of a dotted key takes a list of names.
 
     >>> takes_names("tuning.gains"), takes_names("law.u26")
     (True, False)

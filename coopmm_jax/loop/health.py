@@ -20,7 +20,7 @@ class Health(NamedTuple):
 
 
 def within(values: tuple[Scalar, ...], limit: float) -> Bool:
-    """Whether all scalars are finite and within +-limit (a comparison with NaN is false)."""
+    """True if all scalars are finite and within +-limit (a comparison with NaN is false)."""
     ok = jnp.abs(values[0]) < limit
     for value in values[1:]:
         ok = ok & (jnp.abs(value) < limit)

@@ -23,10 +23,13 @@ def rk4_step(field: Callable, t: Any, step: Any, state: PyTree) -> tuple[PyTree,
     """One classical Runge-Kutta step.
 
     Args:
-        field: (t, state) -> (rates, signals). t, step: scalars [s]. state: pytree of scalars.
+        field: (t, state) -> (rates, signals).
+        t: time, scalar [s].
+        step: scalar [s].
+        state: pytree of scalars.
 
     Returns:
-        The state at t + step, and the signals at t: those of the first stage, so they cost nothing.
+        State at t + step, and signals at t: those of the first stage, so they cost nothing.
 
     >>> round(float(rk4_step(lambda t, x: (-x, x), 0.0, 0.1, jnp.float32(1.0))[0]), 6)
     0.904838
@@ -72,11 +75,15 @@ def scan_segments(
     """Run ``advance`` segments * length times and keep what the first step of each segment reports.
 
     Args:
-        advance: (carry, i) -> (carry, report) for step i. checkpoint: recompute segments in the reverse pass instead of
-            keeping every step's intermediate values; pays off only under ``jax.grad``.
+        advance: (carry, i) -> (carry, report) for step i.
+        carry: at the start.
+        segments: number of segments.
+        length: steps of each segment.
+        checkpoint: recompute segments in the reverse pass instead of keeping every step's intermediate values; pays
+            off only under ``jax.grad``.
 
     Returns:
-        The last carry, and the reports stacked along a leading axis of ``segments``.
+        Last carry, and the reports stacked along a leading axis of ``segments``.
     """
 
     def segment(carry: PyTree, start: Any) -> tuple[PyTree, PyTree]:

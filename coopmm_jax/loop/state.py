@@ -21,7 +21,7 @@ class State(NamedTuple):
 
 
 class Signals(NamedTuple):
-    """What an observer of the loop sees at one instant."""
+    """Quantities of the loop at one instant, as an observer sees them."""
 
     position: Pair[Position]
     velocity: Pair[Vector]  # u of each robot (5,)

@@ -30,7 +30,7 @@ class SurfaceMotion(NamedTuple):
 
 
 def contact(surface: Surface, geometry: Pair[Geometry], position: Pair[Position], arms: Pair[Posture]) -> Contact:
-    """Where tip I stands on the arc about C = p2 - Rc e2; lengths in [m]."""
+    """Place of tip I on the arc about C = p2 - Rc e2; lengths in [m]."""
     tip1, tip2 = per_robot(tip_position, geometry, position, arms)
     one, two = position
     s, c = sincos((one.z1 - two.z1) + (one.a1 - two.a1))

@@ -1,4 +1,4 @@
-"""What couples the robots: the map L of (10) from the independent velocities u^1 to all of them, and its uses.
+"""Coupling of the robots: the map L of (10) from the independent velocities u^1 to all of them, and its uses.
 
 Each constraint row makes one joint dependent: contact rows (a2, a3) of robot I (a3 alone when only the normal row is
 left: at the nominal posture sin A + sin B = 0, so a2 does not move the normal row there), guide rows (a2, a3) of robot
@@ -9,9 +9,9 @@ II. J is block triangular over the dependent joints because the guide does not s
 so every solve with it is two solves of size two at most. L is not block diagonal, unlike below (10): robot I's
 dependent joints move when the object does.
 
-Rows that hold a height do not see the independent velocities when both heights are held. What is left drives the
-dependent joints: u_dep = N R u^1 with one row of R for each row that does, in the full set one for each robot. So the
-time loop never multiplies L out.
+Rows that hold a height do not see the independent velocities when both heights are held. The other rows drive the
+dependent joints: u_dep = N R u^1, with one row of the drive matrix R for each of them, in the full set one for each
+robot. So the time loop never multiplies L out.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from coopmm_jax.mechanics.robot import JOINTS, per_robot
 
 
 class Partition(NamedTuple):
-    """Which of (u1, u2, a1dot, a2dot, a3dot) of each robot are independent and which follow from the rows."""
+    """Partition of each robot's (u1, u2, a1dot, a2dot, a3dot) into independent ones and those that the rows decide."""
 
     independent: Pair[tuple[int, ...]]
     dependent: Pair[tuple[int, ...]]

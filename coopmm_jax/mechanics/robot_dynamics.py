@@ -51,7 +51,7 @@ def lump(geometry: Geometry, inertia: Inertia) -> Lumped:
 
 
 class Factors(NamedTuple):
-    """What masses are multiplied by in one robot's inertia and bias: the same for plant and nominal model."""
+    """Factors of the masses in one robot's inertia and bias: the same for plant and nominal model."""
 
     arm: Posture
     cA_cA: Scalar

@@ -1,4 +1,4 @@
-"""What the proof of Theorem 3.1 speaks about, (30)-(40), at any number of states at once.
+"""Terms of the proof of Theorem 3.1, (30)-(40), at any number of states at once.
 
 The equations of this package are elementwise, so states whose leaves are arrays go through them as they are: no vmap
 and no jit, hence nothing large to compile for this post-processing, whatever XLA's options.

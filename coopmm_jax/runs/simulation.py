@@ -31,11 +31,11 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     """Simulate a scenario by RK4 from its start to its horizon, or to a failure.
 
     Args:
-        scenario: a scenario, or the name or path of one. precision: "float64" or "float32"; the scenario's own by
-            default.
+        scenario: a scenario, or the name or path of one.
+        precision: "float64" or "float32"; by default the scenario's own.
 
     Returns:
-        The recorded samples, the status and the metrics. A run that fails is cut before the failure, and says so in
+        Recorded samples, status and metrics. A run that fails is cut before the failure, and says so in
         its ``status``.
 
     Raises:

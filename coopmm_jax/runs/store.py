@@ -61,7 +61,7 @@ def read_run(folder: str | Path) -> Trajectory:
 
 
 def summary(scenario: Scenario, trajectory: Trajectory) -> dict[str, Any]:
-    """What a reader of the results asks first: how it ended, the metrics, the settings, the software."""
+    """Summary for the reader of a run: its outcome, metrics, settings and software."""
     return {
         "description": scenario.description,
         "status": trajectory.status.name,

@@ -1,4 +1,4 @@
-"""What a simulation returns: numpy arrays with their dimensions and units, how the run ended, its metrics."""
+"""Result of a simulation: numpy arrays with their dimensions and units, the outcome, the metrics."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _SYMBOLS = {"t": "T", "row": "m", "independent": "n", "independent_arm": "na"}
 
 
 def _array(dims: str, units: str, meaning: str) -> dict[str, Any]:
-    """What there is to know of an array: names of its dimensions, units, meaning."""
+    """Description of an array: names of its dimensions, units, meaning."""
     return {"dims": tuple(dims.split()), "units": units, "meaning": meaning}
 
 
@@ -88,7 +88,7 @@ class Trajectory:
 
     @property
     def ok(self) -> bool:
-        """Whether the run reached its horizon."""
+        """True if the run reached its horizon."""
         return self.status is Status.OK
 
     @property
@@ -136,7 +136,7 @@ class Trajectory:
         return f"<Trajectory: {len(self.t)} samples to {end}, {self.t.dtype}, {outcome}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: how the run ended, and the metrics that say whether it is any good."""
+        """Table for a notebook: the outcome, and the metrics that tell a good run from a bad one."""
         rows = "".join(
             f"<tr><td>{name}</td><td>{self.metrics[name]:.4g}</td><td>{METRICS[name][0]}</td>"
             f"<td style='text-align: left'>{html.escape(METRICS[name][1])}</td></tr>"

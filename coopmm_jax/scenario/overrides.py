@@ -112,7 +112,7 @@ def split(
 
 
 def _belongs(text: str, before: list[str], names: bool) -> bool:
-    """Whether a text goes on with the values of an override: ``--gains.k0 4 small.toml`` has one."""
+    """True if a text goes on with the values of an override: ``--gains.k0 4 small.toml`` has one."""
     return not before or not isinstance(value_of(text), str) or (names and _NAME.fullmatch(text) is not None)
 
 

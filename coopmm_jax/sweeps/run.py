@@ -53,19 +53,21 @@ def sweep(
     tile: int = TILE,
     share: Share = ALONE,
 ) -> xarray.Dataset:
-    """Simulate samples of a scenario whose [uncertainty] says what varies, on all cores or local devices.
+    """Simulate samples of a scenario with [uncertainty], on all cores or local devices.
 
     A sample's bits depend on the scenario, the seed and its index alone: not on how many samples there are, on
     interruptions, or on how many processes share the work.
 
     Args:
-        scenario: a scenario, or the name or path of one. samples: how many; 1000, or as many as the store to be resumed
-            has. seed: of everything random; the scenario's by default. sampling: "independent", or "sobol" for
-            scrambled Sobol points.
-        out: where to write a zarr store, tile by tile; without it everything stays in memory. resume: go on with the
-            store at ``out``, if there is one, and make it larger if ``samples`` says so.
-        keep: of how many samples, the first ones, to keep time series. tile: samples per call of the compiled
-            function; more than the default suits a GPU. share: which part of the work is this process's.
+        scenario: a scenario, or the name or path of one.
+        samples: number of samples; by default 1000, or as many as the store to be resumed has.
+        seed: of everything random; by default the scenario's.
+        sampling: "independent", or "sobol" for scrambled Sobol points.
+        out: path of a zarr store, written batch by batch; without it everything stays in memory.
+        resume: go on with the store at ``out``, if there is one, and make it larger if ``samples`` says so.
+        keep: number of samples, the first ones, whose time series are kept.
+        tile: samples of a batch, one call of the compiled function; more than the default suits a GPU.
+        share: this process's part of the work.
 
     Returns:
         Parameters, metrics and status by sample, read from the store when they are used.
@@ -104,7 +106,7 @@ def _count(name: str, value: Any, least: int) -> int:
 
 
 def _contents(variation: Variation, sampling: str, keep: int, tile: int) -> Contents:
-    """What the store of this sweep holds, and all that its bits depend on."""
+    """Contents of this sweep's store, and all that its bits depend on."""
     scenario, numbers = variation.scenario, variation.numbers
     flags = [flag for flag in os.environ.get("XLA_FLAGS", "").split() if "device_count" not in flag]
     return Contents(

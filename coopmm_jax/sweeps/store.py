@@ -1,14 +1,14 @@
-"""The store of a sweep: a zarr group that xarray opens, written tile by tile by any number of processes.
+"""Store of a sweep: a zarr group that xarray opens, written batch by batch by any number of processes.
 
-A chunk holds one tile, so no two writers share a file, and each file appears whole or not at all: whatever kills a
-process, the tiles whose files all exist are complete.
+A chunk holds one batch, so no two writers share a file, and each file appears whole or not at all: whatever kills a
+process, the batches whose files all exist are complete.
 
     group attributes   scenario (TOML), sampling, tile, keep, versions
-    parameters         (sample, parameter)   what was drawn, in the units of coordinate parameter_unit
+    parameters         (sample, parameter)   drawn values, in the units of coordinate parameter_unit
     metrics            (sample, metric)      in the units of coordinate metric_unit
     status             (sample)              code of ``Status``; -1: not computed yet
     status_time        (sample)              of a failure [s]
-    contact_force ...  (kept, t)             series of the first samples, see ``sweep_tiles.SERIES``
+    contact_force ...  (kept, t)             series of the first samples, see ``measure.SERIES``
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Labels(NamedTuple):
 
 
 class Contents(NamedTuple):
-    """What a store is made for; two sweeps with equal settings share one."""
+    """Contents of a store; two sweeps with equal settings share one."""
 
     settings: dict[str, Any]  # the group's attributes
     parameters: Labels
@@ -55,11 +55,11 @@ class Contents(NamedTuple):
 
     @property
     def tile(self) -> int:
-        """Samples per tile."""
+        """Samples of a batch."""
         return self.settings["tile"]
 
     def kept(self, samples: int) -> int:
-        """How many samples have series, of a sweep of so many."""
+        """Number of samples that have series, in a sweep of so many."""
         return min(self.settings["keep"], samples)
 
 
@@ -89,11 +89,11 @@ class SweepStore:
         return locked_folder(self.path / "status", "out", f".lock-{rank}")  # zarr would take it for data in a group
 
     def done(self, tile: int) -> bool:
-        """Whether a tile is complete."""
+        """True if a batch is complete."""
         return self.path is not None and all(path.exists() for path in self._files(self.path, tile))
 
     def write(self, tile: int, values: Mapping[str, np.ndarray]) -> None:
-        """Write one tile: arrays (B, ...) by name, the last of its B samples perhaps beyond the sweep."""
+        """Write one batch: arrays (B, ...) by name, the last of its B samples perhaps beyond the sweep."""
         size = self._contents.tile
         for name, rows in values.items():
             array = self._arrays[name]
@@ -101,7 +101,7 @@ class SweepStore:
             array[window] = rows[: window.stop - window.start]
 
     def grow(self, samples: int) -> None:
-        """Make room for more samples. A last tile that was cut short is to be computed again.
+        """Make room for more samples. A last batch that was cut short is to be computed again.
 
         Raises:
             UserError: the store has more samples already.
@@ -191,7 +191,7 @@ def scenario_of(data: xarray.Dataset) -> Scenario:
 
 
 def chunk_file(path: Path, name: str, tile: int, dimensions: int) -> Path:
-    """Where zarr keeps the chunk of a tile."""
+    """File in which zarr keeps the chunk of a batch."""
     return path.joinpath(name, "c", str(tile), *["0"] * (dimensions - 1))
 
 

@@ -1,1 +1,1 @@
-"""What tuning minimises: the cost of a rollout, its robust form over samples, and gains as a vector."""
+"""Cost that tuning minimises: of a rollout, its robust form over samples, and gains as a vector."""

@@ -53,7 +53,7 @@ _SMOOTHING = 1e-3  # [N m], of the absolute torque changes
 
 
 class Total(NamedTuple):
-    """What is gathered along a rollout."""
+    """Sums along a rollout."""
 
     terms: Vector  # sums over samples, in the order of TERMS
     torque: Vector  # of the last sample, all actuators (10,) [N m]
@@ -87,8 +87,9 @@ class Objective:
         """Terms of the rollout with the gains of ``vector`` (n,).
 
         Args:
-            parameters: of one sample, scalars. for_gradient: static; what ``jax.grad`` runs twice as fast, and a batch
-                without it a fifth slower.
+            vector: numbers of the gain space (n,).
+            parameters: of one sample, scalars.
+            for_gradient: static; the form that ``jax.grad`` runs twice as fast, and a batch without it a fifth slower.
         """
         parameters = parameters._replace(gains=self.space.gains(vector))
         long = self.steps * max(1, self.structure.substeps) > _KEPT
@@ -102,8 +103,10 @@ class Objective:
         """Weighted sum of the terms; finite for every rollout, and at least ``FAILED`` for one that fails.
 
         Args:
-            vector: (n,). parameters: of one sample; ``jax.vmap`` over them for many. coefficients: weight over scale of
-                each term (9,), in the order of ``TERMS``. for_gradient: as in ``evaluate``.
+            vector: numbers of the gain space (n,).
+            parameters: of one sample; ``jax.vmap`` over them for many.
+            coefficients: weight over scale of each term (9,), in the order of ``TERMS``.
+            for_gradient: as in ``evaluate``.
         """
         terms, completed, survived = self.evaluate(vector, parameters, for_gradient)
         cost = sum(coefficients[i] * term for i, term in enumerate(terms))

@@ -47,7 +47,7 @@ def weighted(function: Risk, costs: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def tail_shares(samples: int, level: float) -> np.ndarray:
-    """What each sample counts in the CVaR, the worst first (N,); the last that counts does so by what is left of it."""
+    """Share of each sample in the CVaR, the worst first (N,); the last that counts takes the remainder."""
     shares = np.clip((1.0 - level) * samples - np.arange(samples), 0.0, 1.0)
     return shares / shares.sum()
 

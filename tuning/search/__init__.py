@@ -1,1 +1,1 @@
-"""How tuning minimises: descents with line search, and ascents for worst cases."""
+"""Search of tuning: descents with line search, and ascents for worst cases."""

@@ -27,7 +27,7 @@ _WORTH = 1e-6  # relative gain below which a climb is at its top
 
 
 class Landscape(Protocol):
-    """What is climbed."""
+    """Function that is climbed."""
 
     low: np.ndarray  # (D,) of the box
     high: np.ndarray
@@ -35,9 +35,11 @@ class Landscape(Protocol):
 
     def values(self, points: np.ndarray) -> np.ndarray:
         """Cost at points (N, D) -> (N,); finite."""
+        ...
 
     def slopes(self, points: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Gradient (N, D) at points (N, D), whose values (N,) are known."""
+        ...
 
 
 class Peak(NamedTuple):
@@ -48,7 +50,7 @@ class Peak(NamedTuple):
 
 
 class Mark(NamedTuple):
-    """How far a search has come."""
+    """Progress of a search."""
 
     spent: int  # evaluations
     value: float  # the highest so far
@@ -56,7 +58,7 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True)
 class Ascent:
-    """What a search has found."""
+    """Findings of a search."""
 
     peaks: list[Peak]  # where climbs ended, different ones, the highest first
     trail: list[Mark]  # after the starts, and after every round
@@ -67,8 +69,11 @@ def ascend(landscape: Landscape, starts: np.ndarray, budget: int, climbers: int 
     """Climb from the highest of the starts; a climb at its top makes room for the next start.
 
     Args:
-        starts: (S, D) in the box, as many of them as the budget has room for. budget: evaluations, never exceeded.
-        climbers: climbs at a time. enough: a value at which the search ends at once.
+        landscape: the function and its box.
+        starts: (S, D) in the box, as many of them as the budget has room for.
+        budget: evaluations, never exceeded.
+        climbers: climbs at a time.
+        enough: a value at which the search ends at once.
     """
     points = starts[:budget]
     values = landscape.values(points)

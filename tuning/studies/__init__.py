@@ -1,1 +1,1 @@
-"""What is asked: tuned gains, a front, the worst sample, a comparison."""
+"""Studies: tuned gains, a front, the worst sample, a comparison."""

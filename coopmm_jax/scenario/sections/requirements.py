@@ -34,12 +34,12 @@ class Requirement(NamedTuple):
     limit: float
 
     def met(self, values: Any) -> Any:
-        """Whether a value keeps the limit, or which of many (N,); one that is not a number does not."""
+        """True if a value keeps the limit, or booleans for many (N,); one that is not a number does not."""
         return _OPERATORS[self.relation](values, self.limit)
 
     @property
     def low_is_bad(self) -> bool:
-        """Whether the worst value is the smallest."""
+        """True if the worst value is the smallest."""
         return self.relation.startswith(">")
 
     def __str__(self) -> str:

@@ -18,7 +18,7 @@ MOST_STEPS = 2**31  # they are counted on 32 bits
 
 
 def is_whole(ratio: float) -> bool:
-    """Whether a ratio of two times [-] is a whole number, 1 at least, but for rounding errors."""
+    """True if a ratio of two times [-] is a whole number, 1 at least, but for rounding errors."""
     return math.isfinite(ratio) and round(ratio) >= 1 and math.isclose(ratio, round(ratio), rel_tol=1e-9)
 
 

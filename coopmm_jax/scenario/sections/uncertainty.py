@@ -32,7 +32,7 @@ _SHAPES = {  # distribution -> the numbers that describe it
 
 
 class Distribution(Section):
-    """How one number varies. Without ``relative`` and ``offset`` the drawn value takes the scenario's place."""
+    """Distribution of one number. Without ``relative`` and ``offset`` the drawn value replaces the scenario's."""
 
     distribution: Literal["uniform", "log_uniform", "normal", "truncated_normal"]
     low: Finite | None = None
@@ -64,11 +64,11 @@ class Distribution(Section):
         return self
 
     def bounds(self) -> tuple[float, float]:
-        """Smallest and largest value, in the units of the field or of the factor on it."""
+        """Smallest and largest value [in the field's units, or of the factor on it]."""
         return (-math.inf if self.low is None else self.low, math.inf if self.high is None else self.high)
 
     def moments(self) -> tuple[float, float]:
-        """Mean and standard deviation, likewise; 0 and 1 for a distribution without them."""
+        """Mean and standard deviation [likewise]; 0 and 1 for a distribution without them."""
         return (0.0 if self.mean is None else self.mean, 1.0 if self.std is None else self.std)
 
 
@@ -129,7 +129,7 @@ def _fields(section: str, fields: Any) -> dict[str, Any]:
 
 
 def _dropped(table: Any) -> bool:
-    """Whether an entry says that the number does not vary, whatever a base scenario has for it."""
+    """True if an entry says that the number does not vary, whatever a base scenario has for it."""
     return isinstance(table, Mapping) and table.get(KIND) == "none"
 
 
