@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coopmm_jax.algebra.matrix import Matrix, cholesky_solve, congruence, dot, inverse_small, minus, norm, plus, scaled
-from coopmm_jax.algebra.sincos import sincos
+from coopmm_jax.algebra.sincos import sincos, wrapped
 from tests.samples import assert_close, vector
 
 
@@ -164,3 +164,10 @@ def test_sincos_in_single_precision():
     assert s.dtype == c.dtype == np.float32
     np.testing.assert_allclose(s, np.sin(x.astype(float)), rtol=0.0, atol=6e-7)
     np.testing.assert_allclose(c, np.cos(x.astype(float)), rtol=0.0, atol=6e-7)
+
+
+def test_wrapped_angles_are_exact_within_half_a_turn_and_a_turn_less_beyond():
+    x = np.linspace(-3.14159, 3.14159, 1001)
+    assert np.array_equal(wrapped(x), x)
+    np.testing.assert_allclose(wrapped(x + 6 * np.pi), x, rtol=0, atol=1e-14)
+    assert jax.vmap(jax.grad(wrapped))(np.array([0.1, 3.0, 4.0, -20.0])).tolist() == [1.0] * 4

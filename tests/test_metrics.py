@@ -167,6 +167,15 @@ def gathered(samples, duration, structure=NORMAL_ROW_ONLY, hardware=IDEAL):
     return metrics.finish(total, duration, step=1.0)
 
 
+def test_errors_of_angles_are_those_of_directions():
+    turned = sample(15.0, 1.0)
+    turned.position[0].z1 += 2 * np.pi
+    turned.position[1].a1 -= 4 * np.pi
+    measured = gathered([turned], 1.0)
+    assert [measured[name] for name in ("heading_max_1", "heading_max_2", "arm_max_1")] == [0.0] * 3
+    assert measured["arm_max_2"] < 1e-14
+
+
 def test_hand_made_samples():
     """Eight samples over 7 s, late from 5 s on (the sample nearest to 5.25 s), a large position error up to 2 s."""
     forces = [10.0, -5.0, 20.0, -7.0, 15.0, 15.0, 14.0, 18.0]

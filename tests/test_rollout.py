@@ -43,6 +43,16 @@ def test_horizon_may_be_shorter_than_the_plan(program, paper_run):
     assert np.array_equal(short.t, np.arange(1001) * 1e-3)
 
 
+def test_a_start_whole_turns_further_is_the_same_start(program, paper_run):
+    """Heading, arm yaw and elbow of either robot, one or two turns off: the same motion, to rounding."""
+    one, two = PAPER.start
+    turned = one._replace(th=one.th + 2 * np.pi, a3=one.a3 - 2 * np.pi), two._replace(a1=two.a1 - 4 * np.pi)
+    run = program(PAPER._replace(start=turned), steps=1000)
+    for name in ("velocity", "torque", "constraint_force", "controller", "tip"):
+        mine, its = (numbers(getattr(signals, name))[:, :1001] for signals in (run.signals, paper_run.signals))
+        np.testing.assert_allclose(mine, its, rtol=0, atol=1e-9 * np.abs(its).max())
+
+
 def test_no_step_at_all(program):
     run = program(PAPER, steps=0)
     assert run.t.tolist() == [0.0]

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -13,6 +14,19 @@ import jax
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.types import Scalar
+
+_TURN = 2.0 * math.pi
+
+
+def wrapped(angle: Scalar) -> Scalar:
+    """The same direction within half a turn of zero [rad]: angle - 2 pi round(angle / 2 pi), a scalar.
+
+    The error between two headings, which is the same however many turns either has made; its derivative is 1.
+
+    >>> round(float(wrapped(2.0 * math.pi + 0.25)), 12)
+    0.25
+    """
+    return angle - _TURN * jnp.round(angle / _TURN)
 
 
 class _Series(NamedTuple):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from coopmm_jax.algebra.sincos import wrapped
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control.reference import Desired
 from coopmm_jax.mechanics.robot_kinematics import Position
@@ -25,9 +26,9 @@ class Errors(NamedTuple):
 
 
 def backstepping_errors(gains: Gains, desired: Desired, position: Position) -> Errors:
-    """(14). At n_v = 3 there is no s_(n-2) term in s3: (26) decides."""
+    """(14), the heading's modulo a turn. At n_v = 3 there is no s_(n-2) term in s3: (26) decides."""
     e2, e3 = position.z2 - desired.z2, position.z3 - desired.z3
-    return Errors(e2, e3, position.z1 - desired.z1, e2, e3 + gains.k2 * e2 * desired.u1)
+    return Errors(e2, e3, wrapped(position.z1 - desired.z1), e2, e3 + gains.k2 * e2 * desired.u1)
 
 
 def coupling_signal(gains: Gains, desired: Desired, position: Position) -> tuple[Scalar, Scalar]:
@@ -56,7 +57,7 @@ def reference_velocity(gains: Gains, desired: Desired, position: Position, arm: 
     z_b1 = u_d1 + eta
     z_b2 = desired.u2 - s.s2 * u_d1 - gains.k3 * s.s3 - gains.k2 * (u_d1**2 * s.e3 + desired.u1_rate * s.e2)
     z_a = (
-        rate - gains.K_a * (joint - target)
+        rate - gains.K_a * wrapped(joint - target)
         for joint, target, rate in zip(arm, desired.arm, desired.arm_rate, strict=True)
     )
     return (z_b1, z_b2, *z_a)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from coopmm_jax.algebra.sincos import wrapped
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_dynamics import Lumped, lump
@@ -58,6 +59,6 @@ def nominal_posture(parameters: Parameters) -> Pair[Vector]:
     reaches = (surface.contact_radius, parameters.reference.radius[1] - surface.guide_radius)
 
     def angles(g: Geometry, reach: Scalar, start: Pose) -> Vector:
-        return arm_angles(g, reach, surface.guide_height - 2.0 * g.l1, start.a3)
+        return arm_angles(g, reach, surface.guide_height - 2.0 * g.l1, wrapped(start.a3))
 
     return per_robot(angles, plant.geometry, reaches, parameters.start)

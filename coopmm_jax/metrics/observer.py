@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.matrix import dot, minus
-from coopmm_jax.algebra.sincos import sincos
+from coopmm_jax.algebra.sincos import sincos, wrapped
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control.reference import desired_motion
 from coopmm_jax.loop.devices import torque_limits
@@ -100,7 +100,7 @@ def observer(structure: Structure, parameters: Parameters, duration: Scalar, ste
 
 
 def squared_errors(reference: Reference, surface: Surface, t: Scalar, signals: Signals) -> dict[str, Scalar]:
-    """Squared norms of the errors named in ``ERRORS`` [rad^2, m^2] at one sample.
+    """Squared norms of the errors named in ``ERRORS`` [rad^2, m^2] at one sample; of angles modulo a turn.
 
     The object's desired point is (Rg cos wt, Rg sin wt), w the platforms' yaw rate: along platform II's axes it is
     (Rg cos e1, -Rg sin e1), e1 the heading error of II, so that no angle grows with time. The desired point of tip I
@@ -109,9 +109,9 @@ def squared_errors(reference: Reference, surface: Surface, t: Scalar, signals: S
     desired = desired_motion(reference, t)
     errors = {}
     for i, (p, d) in enumerate(zip(signals.position, desired, strict=True), 1):
-        errors[f"heading_{{}}_{i}"] = (p.z1 - d.z1,)
+        errors[f"heading_{{}}_{i}"] = (wrapped(p.z1 - d.z1),)
         errors[f"position_{{}}_{i}"] = (p.z2 - d.z2, p.z3 - d.z3)
-        errors[f"arm_{{}}_{i}"] = (p.a1 - d.arm[0],)
+        errors[f"arm_{{}}_{i}"] = (wrapped(p.a1 - d.arm[0]),)
     s, c = sincos(errors["heading_{}_2"][0])
     radius = surface.guide_radius
     errors["object_{}"] = minus(signals.tip[1], (radius * c, -radius * s, surface.guide_height))
