@@ -1,6 +1,7 @@
 """Command ``coopmm``: its options, errors and exit codes; the work is done in ``commands``.
 
-Exit codes: 0 done, 2 the input cannot be used (one line on stderr), 3 a rollout failed (status, time, quantity).
+Exit codes: 0 done, 2 the input cannot be used (one line on stderr), 3 a rollout failed (status, time, quantity), 128
+plus a signal's number where one ended it: 130 for Ctrl-C, 141 where nobody reads the output any more.
 
 >>> main(["scenarios"])  # doctest: +ELLIPSIS
 free...
@@ -10,7 +11,9 @@ free...
 from __future__ import annotations
 
 import argparse
+import os
 import re
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from importlib.metadata import entry_points
@@ -18,8 +21,8 @@ from types import ModuleType
 from typing import NoReturn
 
 import coopmm_jax
-from coopmm_jax import runtime
-from coopmm_jax.commands import BAD_INPUT, INTERRUPTED, animate, report, scenarios, simulate, sweep
+from coopmm_jax import runtime, terminal
+from coopmm_jax.commands import BAD_INPUT, animate, report, scenarios, simulate, sweep
 from coopmm_jax.commands.fields import takes_names
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario import overrides
@@ -47,14 +50,43 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
+    own_process = argv is None
+    if own_process:
+        terminal.prepare()
     try:
-        return _run(sys.argv[1:] if argv is None else argv, own_process=argv is None)
-    except (UserError, UsageError, OSError) as error:  # OSError: a disk that fills up, a pipe that closes
-        print(f"coopmm: error: {error}", file=sys.stderr)
+        with terminal.notices(only=own_process):
+            code = _run(sys.argv[1:] if argv is None else argv, own_process)
+            sys.stdout.flush()
+            return code
+    except BrokenPipeError:
+        return terminal.close_pipe()
+    except KeyboardInterrupt as stop:
+        number = getattr(stop, "number", signal.SIGINT)
+        if own_process:
+            terminal.end(number)
+        terminal.say("interrupted")
+        return 128 + number
+    except Exception as error:
+        message = told(error)
+        if message is None:
+            raise
+        terminal.say(f"error: {message}")
         return BAD_INPUT
-    except KeyboardInterrupt:
-        print("coopmm: interrupted", file=sys.stderr)
-        return INTERRUPTED
+
+
+def told(error: Exception) -> str | None:
+    """What to tell a user of an error that an input or the machine has caused; None of others."""
+    if isinstance(error, UserError | UsageError):
+        return str(error)
+    if isinstance(error, OSError):  # a disk that fills up
+        reason = error.strerror or error
+        return f"{error.filename or 'output'}: must be a place with room and permission, was not ({reason})"
+    if isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in str(error):
+        return f"memory: must be enough for this command, was exhausted ({error})"
+    if "initialize backend" in str(error):
+        platforms = os.environ.get("JAX_PLATFORMS", "")
+        return f"JAX_PLATFORMS: must be a platform that JAX has here, was {platforms} ({error})"
+    return None
 
 
 def _run(argv: Sequence[str], own_process: bool) -> int:
@@ -62,7 +94,7 @@ def _run(argv: Sequence[str], own_process: bool) -> int:
     for argument in arguments:
         if argument.endswith("=--"):  # argparse makes an empty list of it
             raise UserError(argument.removesuffix("=--"), "followed by a value", "followed by --")
-    options, unknown = _parser().parse_known_args(arguments)
+    options, unknown = _parser(arguments[:1]).parse_known_args(arguments)
     if unknown:
         known = re.findall(r"--[\w.-]+", options.parser.format_help())
         raise UserError(unknown[0], f"an option of coopmm {options.command}{closest(unknown[0], known)}", "unknown")
@@ -74,13 +106,20 @@ def _run(argv: Sequence[str], own_process: bool) -> int:
     return options.run(options, changes)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(command: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser of all commands, of which ``command`` ([] or [name]) must be one."""
     parser = _Parser(prog="coopmm", description=(coopmm_jax.__doc__ or "").partition("\n")[0], allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"coopmm {coopmm_jax.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     parser.set_defaults(sweeps=False)
     for module in _modules():
         module.add(commands)
+    for name in command:
+        if not name.startswith("-") and name not in commands.choices:
+            must = f"one of {', '.join(commands.choices)}{closest(name, commands.choices)}"
+            installed = any(entry_points(group=ENTRY_POINTS))
+            hint = "" if installed else "; those of other packages, like tune, are there once pip has installed these"
+            raise UserError("COMMAND", must + hint, name)
     return parser
 
 
@@ -96,3 +135,7 @@ def _modules() -> Iterator[ModuleType]:
             yield point.load()
         except (ImportError, AttributeError) as error:
             raise UserError(f"coopmm {point.name}", f"a module that can be imported ({point.value})", error) from None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,4 +1,4 @@
-"""The one error a user's input can cause, and how any message becomes one line that a terminal can show.
+"""The error and the warning that a user's input can cause, and any message as one line that a terminal can show.
 
 >>> str(UserError("gains.K_lambda", "greater than -1", -2))
 'gains.K_lambda: must be greater than -1, was -2'
@@ -16,6 +16,10 @@ _FIELD, _WAS, _OTHERS = 120, 160, 3  # characters of the field and of the value;
 _containers = reprlib.Repr()
 _containers.maxlevel, _containers.maxlist, _containers.maxtuple, _containers.maxdict = 3, 10, 10, 6
 _containers.maxstring = _containers.maxother = 60
+
+
+class Notice(UserWarning):
+    """What a user should know of input that is used all the same; the command line prints it as one line."""
 
 
 class UserError(ValueError):

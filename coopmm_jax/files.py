@@ -29,6 +29,7 @@ from coopmm_jax.errors import UserError
 if TYPE_CHECKING:
     import numpy as np
 
+_UNFINISHED: set[Path] = set()  # what is to go if the process ends now
 _SHOWN = 40  # characters of a target's name in that of its temporary file: names have a limit
 
 
@@ -65,6 +66,7 @@ def resolve_path(text: str | Path, option: str) -> Path:
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """A stream for the content of a file, which takes the place of ``path`` when the ``with`` block ends well."""
     partial = _partial(path.parent, path.name)
+    _UNFINISHED.add(partial)
     try:
         with partial.open("xb") as stream:  # never through a link that stands there already
             yield stream
@@ -72,6 +74,8 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+    finally:
+        _UNFINISHED.discard(partial)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -107,11 +111,22 @@ def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 def hidden_folder(place: Path, name: str) -> Iterator[Path]:
     """An empty folder in ``place`` for what is to get another name when it is complete; gone when the block ends."""
     hidden = _partial(place, name)
-    hidden.mkdir()
+    _UNFINISHED.add(hidden)
     try:
+        hidden.mkdir()
         yield hidden
     finally:
         shutil.rmtree(hidden, ignore_errors=True)
+        _UNFINISHED.discard(hidden)
+
+
+def abandon() -> None:
+    """Remove what is unfinished, as the process is about to end without a word to whoever writes it."""
+    for path in tuple(_UNFINISHED):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
@@ -132,6 +147,32 @@ def result_folder(target: str | Path, option: str = "--out") -> Iterator[Path]:
         UserError: the target cannot be written.
     """
     target = resolve_path(target, option).absolute()
+    with _beside(target, option) as hidden:
+        yield hidden
+        try:
+            _publish(hidden, target)
+        except OSError as error:
+            must = f"a folder in which {Path(error.filename2 or target).name} can be written"
+            raise UserError(option, must, f"{target} ({error.strerror})") from None
+
+
+def check_folder(target: str | Path, option: str = "--out") -> None:
+    """Find out before a long run whether results can be written.
+
+    Args:
+        target: the folder the results are for.
+        option: what the user knows the target as, for the error.
+
+    Raises:
+        UserError: the target cannot be written.
+    """
+    with _beside(resolve_path(target, option).absolute(), option):
+        pass
+
+
+@contextlib.contextmanager
+def _beside(target: Path, option: str) -> Iterator[Path]:
+    """A hidden folder in a folder of results, or where it is going to be."""
     if target.is_symlink() and not target.exists():
         raise UserError(option, "a folder that can be written", f"{target} (a link to nothing)")
     with contextlib.ExitStack() as stack:
@@ -140,11 +181,6 @@ def result_folder(target: str | Path, option: str = "--out") -> Iterator[Path]:
         except OSError as error:
             raise UserError(option, "a folder that can be written", f"{target} ({error.strerror})") from None
         yield hidden
-        try:
-            _publish(hidden, target)
-        except OSError as error:
-            must = f"a folder in which {Path(error.filename2 or target).name} can be written"
-            raise UserError(option, must, f"{target} ({error.strerror})") from None
 
 
 @contextlib.contextmanager

@@ -17,22 +17,9 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.metrics.table import METRICS, SHOWN
 from coopmm_jax.scenario import overrides
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from tests.stand_in import StandIn
 
 FAILED = SimpleNamespace(name="SINGULAR_GUIDE", message="arm of robot II became singular")
-
-
-class StandIn:
-    """In the place of ``coopmm_jax.simulate``, which compiles: remembers the scenario, returns a short trajectory."""
-
-    def __init__(self):
-        self.scenario = None
-        self.outcome = {"status": SimpleNamespace(name="OK", message="completed"), "ok": True, "status_time": None}
-
-    def __call__(self, scenario):
-        self.scenario = scenario
-        arrays = {"t": np.arange(3.0), "torque": np.ones((3, 2, 5))}
-        metrics = dict.fromkeys(METRICS, 0.25) | {"settling_time": float("nan")}
-        return SimpleNamespace(**arrays, metrics=metrics, **self.outcome)
 
 
 @pytest.fixture
@@ -124,7 +111,9 @@ def test_failed_rollout_is_told_and_kept(simulation, tmp_path, capsys):
     simulation.outcome = {"status": FAILED, "ok": False, "status_time": 1.25}
     assert main(["simulate", "paper", "--out", str(tmp_path)]) == 3
     said = "coopmm: rollout failed: SINGULAR_GUIDE at t = 1.25 s: arm of robot II became singular\n"
-    assert capsys.readouterr().err == said
+    captured = capsys.readouterr()
+    assert captured.out.startswith("failed at 1.25 of 20 s: arm of robot II became singular\n")
+    assert captured.err == said
     assert json.loads((tmp_path / "summary.json").read_text())["status_time"] == 1.25
 
 
@@ -133,7 +122,7 @@ def test_failed_rollout_is_told_and_kept(simulation, tmp_path, capsys):
     [
         ([], "the following arguments are required: COMMAND"),
         (["simulate"], "SCENARIO: must be given, or --from STORE --sample N, was missing"),
-        (["simulte"], "argument COMMAND: invalid choice: 'simulte' (choose from "),
+        (["simulte"], "COMMAND: must be one of simulate, animate, sweep, report, scenarios, "),
         (["simulate", "papr"], "scenario: must be one of free, paper, paper_full, rough, sensed, uncertain"),
         (["simulate", "paper", "--gains.K-lambda", "-2"], "gains.K_lambda: must be greater than -1, was -2"),
         (

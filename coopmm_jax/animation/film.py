@@ -20,6 +20,7 @@ from coopmm_jax.animation.scene import COLOURS
 from coopmm_jax.animation.stage import stage
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path, result_folder
+from coopmm_jax.memory import check_memory
 from coopmm_jax.plotting.lines import longest, runs
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 NARROWEST, WIDEST = 400, 1920  # [pixel]; less is illegible, more takes gigabytes while a GIF is put together
 COLUMN = 240  # [pixel] that each of several runs needs
+SLOWEST = 0.01  # frames per second; GIFs show no frame for more than eleven minutes
+MOST_FRAMES = 100_000
 FASTEST = 50.0  # frames per second; browsers slow down GIFs that ask for more
 
 
@@ -65,7 +68,7 @@ class Animation:
         if not all(len(run.trajectory.t) for run in group):
             raise UserError("trajectories", "runs with at least one sample", "a run that failed at its start")
         self.fps, self.colours = fps, COLOURS
-        frames = round(longest(group).t[-1] * fps / speed) + 1
+        frames = frame_count(float(longest(group).t[-1]), fps, speed, width)
         self.times = np.arange(frames) * speed / fps  # (F,) [s]
         figure, self._views = stage(group, self.times, width)
         self._canvas = FigureCanvasAgg(figure)
@@ -150,7 +153,27 @@ def check_look(fps: float, speed: float, width: int, count: int = 1) -> None:
     narrowest = max(NARROWEST, COLUMN * count)
     if not narrowest <= width <= WIDEST or width % 2:
         raise UserError("width", f"an even number of pixels from {narrowest} to {WIDEST}", width)
-    if not 0.0 < fps <= FASTEST:
-        raise UserError("fps", f"above 0 and at most {FASTEST:g} frames per second", fps)
+    if not SLOWEST <= fps <= FASTEST:
+        raise UserError("fps", f"from {SLOWEST:g} to {FASTEST:g} frames per second", fps)
     if not 0.0 < speed < np.inf:
         raise UserError("speed", "above 0 simulated seconds per second", speed)
+
+
+def frame_count(duration: float, fps: float, speed: float, width: int) -> int:
+    """Number of frames.
+
+    Args:
+        duration: simulated time [s].
+        fps: frames per second.
+        speed: simulated seconds per second.
+        width: of the picture [pixel].
+
+    Raises:
+        UserError: more than anyone looks at, or than fit into memory.
+    """
+    frames = duration * fps / speed + 1.0
+    must = "larger, or fps or the duration smaller"
+    if not frames <= MOST_FRAMES:
+        raise UserError("speed", f"{must} (at most {MOST_FRAMES} frames)", speed)
+    check_memory(frames * width**2, "speed", must, speed)  # a byte for each pixel, in pictures wider than high
+    return round(frames)

@@ -45,17 +45,19 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     Raises:
         UserError: overrides that change nothing, or as ``animate``, ``load_scenario`` and ``read_run``.
     """
-    from coopmm_jax.animation import film  # imports matplotlib
+    from coopmm_jax.animation import film  # imports matplotlib, as does the next
+    from coopmm_jax.plotting.style import plain
 
     path = resolve_path(options.out, "--out")
     write, look = film.writer(path), {"fps": options.fps, "speed": options.speed, "width": options.width}
     film.check_look(**look, count=1 if options.against is None else 2)
     shown = _shown(options, changes)
+    film.frame_count(max(map(_duration, shown.values())), **look)
     with result_folder(path.parent) as folder:
         runs = {label: _trajectory(source) for label, source in shown.items()}
-        frames = film.Animation(*runs.values(), labels=list(runs) if len(runs) > 1 else None, **look)
+        frames = film.Animation(*runs.values(), labels=list(map(plain, runs)) if len(runs) > 1 else None, **look)
         write(frames, folder / path.name)
-    print(f"written to {options.out}: {len(frames)} frames")
+    print(f"written to {path}: {len(frames)} frames")
     return _outcome(runs)
 
 
@@ -85,6 +87,11 @@ def _folder(name: str) -> Path | None:
 
 def _name(shown: str) -> str:
     return Path(shown).name.removesuffix(".toml")
+
+
+def _duration(source: Scenario | Path) -> float:
+    """Simulated time [s] of a scenario; that of a folder shows when it is read."""
+    return source.simulation.duration if isinstance(source, Scenario) else 0.0
 
 
 def _trajectory(source: Scenario | Path) -> Trajectory:

@@ -13,7 +13,7 @@ def fields_help() -> str:
     """Text that lists every field with its default, meaning and unit."""
     lines = ["overrides, after SCENARIO (values are TOML; several values make a list, one number fills a list):"]
     for name, section in _sections().items():
-        lines += ["", section.__doc__]
+        lines += ["", section.__doc__ or f"[{name}]:"]  # Python may leave docstrings out
         for field, info in section.model_fields.items():
             choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
             meaning = info.description + (": " if choices else "") + " or ".join(choices)

@@ -44,27 +44,29 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     data = sweep_store.read_store(options.store)
     scenario = sweep_store.scenario_of(data).with_overrides(changes)
     folder = report_folder(options.store) if options.out is None else resolve_path(options.out, "--out")
-    with result_folder(folder) as results:
-        write_and_print(results, data, scenario)
+    publish_and_print(folder, data, scenario)
     print(f"written to {folder}")
     return DONE
 
 
-def report_folder(store: str | Path) -> Path:
+def report_folder(store: str | Path, option: str = "store") -> Path:
     """Default folder for the report of a store.
 
     >>> str(report_folder("runs/k0_5.5")), str(report_folder("runs/sensed.zarr"))
     ('runs/k0_5.5-report', 'runs/sensed-report')
     """
-    path = resolve_path(store, "store")
+    path = resolve_path(store, option)
     return path.with_name(f"{path.name.removesuffix('.zarr')}-report")
 
 
-def write_and_print(folder: Path, data: xarray.Dataset, scenario: Scenario | None = None) -> None:
-    """Write the report of a data set into a folder, and print it."""
+def publish_and_print(folder: Path, data: xarray.Dataset, scenario: Scenario | None = None) -> None:
+    """Write the report of a data set into a folder, print it, then draw its figures."""
+    from coopmm_jax.plotting.style import publish  # imports matplotlib
     from coopmm_jax.sweeps import report
     from coopmm_jax.sweeps.statistics import read_results
 
     results = read_results(data, scenario)
-    report.write_report(folder, data, results)
-    print(report.text(results))
+    with result_folder(folder) as hidden:
+        report.write_numbers(hidden, results)
+    print(report.text(results), flush=True)
+    publish(folder, report.drawings(data, results))

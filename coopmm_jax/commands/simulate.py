@@ -10,7 +10,7 @@ import coopmm_jax
 from coopmm_jax.commands import DONE, ROLLOUT_FAILED
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import result_folder
+from coopmm_jax.files import resolve_path, result_folder
 from coopmm_jax.metrics.table import METRICS, SHOWN
 from coopmm_jax.runs.store import write_run
 from coopmm_jax.scenario.gains_file import read_gains
@@ -58,14 +58,15 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     scenario = _scenario(options, changes)
     if options.out is None:
         return _report(scenario, coopmm_jax.simulate(scenario))
-    from coopmm_jax import plotting  # imports matplotlib
-
-    with result_folder(options.out) as folder:
+    target = resolve_path(options.out, "--out")
+    with result_folder(target) as folder:
         trajectory = coopmm_jax.simulate(scenario)
         write_run(folder, scenario, trajectory)
-        plotting.save(plotting.overview(trajectory), folder / "overview.png")
     code = _report(scenario, trajectory)
-    print(f"written to {options.out}")
+    from coopmm_jax import plotting  # imports matplotlib
+
+    plotting.style.publish(target, {"overview.png": lambda: plotting.overview(trajectory)})
+    print(f"written to {target}")
     return code
 
 
@@ -88,8 +89,11 @@ def _scenario(options: argparse.Namespace, changes: dict[str, Any]) -> Scenario:
 
 def _report(scenario: Scenario, trajectory: Trajectory) -> int:
     settings = scenario.simulation
+    if not trajectory.ok:
+        print(f"failed at {trajectory.status_time:g} of {settings.duration:g} s: {trajectory.status.message}")
     print(scenario.description)
-    print(f"{settings.duration:g} s in {scenario.steps} steps of {settings.step:g} s, {settings.precision}")
+    steps = scenario.steps * max(1, scenario.structure().substeps)
+    print(f"{settings.duration:g} s in {steps} steps of {settings.step:g} s, {settings.precision}")
     for name in SHOWN:
         unit, meaning = METRICS[name]
         print(f"  {name:{max(map(len, SHOWN))}} {trajectory.metrics[name]:12.6g} {unit:6}  {meaning}")

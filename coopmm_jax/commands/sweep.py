@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
-from coopmm_jax.commands.report import report_folder, write_and_print
+from coopmm_jax.commands.report import publish_and_print, report_folder
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import result_folder
+from coopmm_jax.files import check_folder
 from coopmm_jax.scenario.overrides import merged, read_toml
 from coopmm_jax.scenario.scenario import load_scenario
 
@@ -55,6 +55,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     from coopmm_jax.sweeps.processes import share  # imports JAX, as does the next
     from coopmm_jax.sweeps.run import sweep
 
+    folder = report_folder(options.out, "out")
+    check_folder(folder)
     mine = share(options.rank, options.size, options.coordinator, options.distributed)
     names = ("samples", "seed", "sampling", "out", "resume", "keep", "tile")
     data = sweep(scenario, **{name: getattr(options, name) for name in names}, share=mine)
@@ -62,9 +64,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     if missing:
         print(f"{missing} of {data.sizes['sample']} samples are left to other processes, or to --resume")
         return DONE
-    folder = report_folder(options.out)
-    with result_folder(folder, "--out") as results:
-        write_and_print(results, data)
+    publish_and_print(folder, data)
     print(f"written to {options.out} and {folder}")
     return DONE
 

@@ -12,17 +12,19 @@ from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Callable, Iterable, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, ParamSpec, TypeAlias, TypeVar
 
-import matplotlib
+import matplotlib.style
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from coopmm_jax.errors import UserError
+from coopmm_jax.errors import Notice, UserError
+from coopmm_jax.files import result_folder
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
@@ -53,6 +55,8 @@ _RC: dict[RcKeyType, Any] = {
     "legend.columnspacing": 1.2,
     "figure.constrained_layout.use": True,
 }
+# All other settings are matplotlib's own: a user's may want a program that is not there, LaTeX first of all.
+_SETTINGS = ["default", _RC]
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#56B4E9", "#D55E00", "#CC79A7")
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (6, 1.5, 1.5, 1.5)), (0, (1.5, 1)), (0, (9, 3)))
 # Wide and pale, so that it shows on both sides of a result that lies on it.
@@ -85,7 +89,7 @@ def styled(draw: Callable[Arguments, Drawn]) -> Callable[Arguments, Drawn]:
 
     @functools.wraps(draw)
     def under_settings(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Drawn:
-        with matplotlib.rc_context(_RC):
+        with matplotlib.style.context(_SETTINGS):
             return draw(*args, **kwargs)
 
     return under_settings
@@ -135,6 +139,14 @@ def legend(axes: Axes, handles: Sequence[Artist] | None = None) -> None:
         axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.1)
 
 
+def remark(axes: Axes, text: str) -> None:
+    """Say in the middle of a panel why it shows nothing.
+
+    >>> remark(Figure().subplots(), "all 64 samples failed")
+    """
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color="0.3", wrap=True)
+
+
 def caption(figure: Figure, text: str) -> None:
     """Write above a figure what it shows.
 
@@ -157,5 +169,34 @@ def save(figure: Figure, path: str | Path | BinaryIO, dpi: float = DPI) -> None:
     >>> import io
     >>> save(Figure(), io.BytesIO(), dpi=10)
     """
-    with matplotlib.rc_context(_RC):
+    with matplotlib.style.context(_SETTINGS):
         figure.savefig(path, dpi=dpi)
+
+
+def publish(target: str | Path, figures: Mapping[str, Callable[[], Figure]], option: str = "--out") -> None:
+    """Draw figures and add them to a folder of results; one that fails costs a warning, not the results.
+
+    Args:
+        target: folder of the results, which are there already.
+        figures: how to draw each, by the name of its file.
+        option: what the user knows the folder as, for an error.
+
+    Raises:
+        UserError: the folder cannot be written.
+    """
+    for name, draw in figures.items():
+        with result_folder(target, option) as folder:
+            try:
+                save(draw(), folder / name)
+            except Exception as error:
+                (Path(target) / name).unlink(missing_ok=True)  # of other results
+                warnings.warn(Notice(f"{name} was left out ({type(error).__name__}: {error})"), stacklevel=2)
+
+
+def plain(text: str) -> str:
+    r"""Text that matplotlib shows as it is, for what comes from a user.
+
+    >>> plain("k$_{x$.toml")
+    'k\\$_{x\\$.toml'
+    """
+    return text.replace("$", r"\$")

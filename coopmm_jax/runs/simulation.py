@@ -18,13 +18,16 @@ from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.mechanics.robot import CHAINED, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, in_world, unchained
+from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics import observer
 from coopmm_jax.parameters import Parameters, Reference, Structure
 from coopmm_jax.runs.trajectory import Trajectory
+from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.status import Status
 
 _SHORTEST = 1024  # samples a compiled rollout has room for, at least
+_PER_SAMPLE = {"float64": 2000.0, "float32": 1000.0}  # [byte] at the peak, measured over 400,000 recorded samples
 
 
 def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> Trajectory:
@@ -39,18 +42,23 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
         its ``status``.
 
     Raises:
-        UserError: a scenario that cannot be read, another precision, or a start out of the arms' reach.
+        UserError: a scenario that cannot be read, another precision, more samples than fit into memory, or a start out
+            of the arms' reach.
 
     >>> simulate(load_scenario("paper", simulation={"duration": 0.01}))
     <Trajectory: 11 samples to 0.01 s, float64, OK>
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
+    plausible.warn_of(scenario)
     if precision is not None:
         scenario = scenario.with_overrides({"simulation.precision": precision})
     settings, structure, parameters = scenario.simulation, scenario.structure(), scenario.parameters()
     steps, step = scenario.steps, scenario.sample_time
     plan = _plan(steps, settings.record_every)
+    must = "larger, or simulation.duration shorter"
+    needed = _PER_SAMPLE[settings.precision] * plan.segments
+    check_memory(needed, "simulation.record_every", must, settings.record_every)
     with jax.enable_x64(settings.precision == "float64"):
         outcome = _compiled(structure, plan, parameters, step, steps)
         series, measured, health = jax.device_get(outcome)

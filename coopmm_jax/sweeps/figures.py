@@ -133,6 +133,9 @@ def _grid(count: int) -> list[list[str]]:
 def _band_panel(axes: Axes, series: xarray.DataArray, t: np.ndarray) -> None:
     values = store.values(series)
     alive = np.isfinite(values).any(axis=0)
+    if not alive.any():
+        style.remark(axes, f"none of {len(values)} samples with series got under way")
+        return
     lowest, low, median, high, highest = np.nanquantile(values[:, alive], [0.0, LOW, 0.5, HIGH, 1.0], axis=0)
     axes.fill_between(t[alive], lowest, highest, color=_SHADES[0], linewidth=0.0, label="range")
     axes.fill_between(t[alive], low, high, color=_SHADES[1], linewidth=0.0, label="5 to 95 %")
@@ -147,6 +150,8 @@ def _band_panel(axes: Axes, series: xarray.DataArray, t: np.ndarray) -> None:
 def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) -> None:
     metric = limit if isinstance(limit, str) else limit.metric
     values = results.metrics[metric][results.completed]
+    if not len(values):
+        style.remark(axes, f"all {len(results.index)} samples failed")
     # Bins reach to the limit, so that a bar keeps a width to be seen however far from it the values lie.
     reach = [*values, *(() if isinstance(limit, str) else (limit.limit,))]
     span = (min(reach), max(reach)) if reach else None

@@ -13,6 +13,7 @@ from queue import SimpleQueue
 from typing import Any, NamedTuple, TypeAlias
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.sweeps.rendezvous import meet
 
 Device: TypeAlias = Any  # a jax.Device, for which JAX has no class that type checkers know
 
@@ -53,6 +54,9 @@ def share(
         return mine or Share()
     import jax
 
+    if coordinator is not None:
+        meet(coordinator, size, rank)
+    jax.config.update("jax_enable_preemption_service", False)  # it would take SIGTERM for itself
     try:
         jax.distributed.initialize(coordinator, size, rank)
     except (ValueError, RuntimeError) as error:

@@ -7,6 +7,7 @@ prints ``text`` and writes a folder with report.txt, summary.json, failed.csv an
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from coopmm_jax.sweeps.statistics import Results, outcomes, read_results, sensit
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
 _LISTED = 10  # failed samples that are printed; failed.csv has them all
 _STRONGEST = 3  # parameters that are printed for each requirement
@@ -30,25 +32,39 @@ def text(results: Results) -> str:
     n, settings = len(results.index), results.scenario.simulation
     computed = f"{n} samples" if n == results.total else f"{n} of {results.total} samples (the rest is not there yet)"
     head = [results.scenario.description, f"{computed} of {settings.duration:g} s, seed {settings.seed}"]
+    if not results.completed.any():
+        head.insert(0, f"all {n} samples failed: none reached {settings.duration:g} s")
     parts = [head, _requirements(results), _metrics(results), _matters(results), _failed(results)]
     return "\n\n".join("\n".join(part) for part in parts if part)
 
 
 def write_report(folder: Path, data: xarray.Dataset, results: Results | None = None) -> None:
     """Write the report of a sweep's data set into an existing folder."""
-    from coopmm_jax import plotting  # imports matplotlib
-    from coopmm_jax.sweeps import figures
+    from coopmm_jax.plotting.style import publish  # imports matplotlib
 
     results = read_results(data) if results is None else results
+    write_numbers(folder, results)
+    publish(folder, drawings(data, results))
+
+
+def write_numbers(folder: Path, results: Results) -> None:
+    """Write report.txt, summary.json and failed.csv into an existing folder."""
     write_text(folder / "report.txt", text(results) + "\n")
     write_json(folder / "summary.json", summary(results))
     _write_failed(folder / "failed.csv", results)
-    plotting.save(figures.sweep_requirements(results), folder / "requirements.png")
+
+
+def drawings(data: xarray.Dataset, results: Results) -> dict[str, Callable[[], Figure]]:
+    """The figures that the results have something to show in: how to draw each, by the name of its file."""
+    from coopmm_jax.sweeps import figures
+
+    found = {"requirements.png": lambda: figures.sweep_requirements(results)}
     if telling(results):
-        plotting.save(figures.sweep_importance(results), folder / "importance.png")
-        plotting.save(figures.sweep_worst(results), folder / "worst.png")
+        found["importance.png"] = lambda: figures.sweep_importance(results)
+        found["worst.png"] = lambda: figures.sweep_worst(results)
     if data.sizes["kept"]:
-        plotting.save(figures.sweep_bands(data), folder / "bands.png")
+        found["bands.png"] = lambda: figures.sweep_bands(data)
+    return found
 
 
 def summary(results: Results) -> dict:

@@ -9,8 +9,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import operator
 import os
+import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +23,9 @@ from tqdm import tqdm
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path, versions
+from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import Variation, vary
@@ -39,6 +43,8 @@ TILE = 64  # the batch size at which the CPU is fastest
 KEEP = 64
 LIMIT = 2**24  # samples; a noise stream's number is exact in float32 too
 ALONE = Share()
+# Memory at the peak [byte], measured over tiles of 4096 and 16384: of a rollout, of each point that it keeps.
+_PER_ROLLOUT, _PER_POINT = 6000.0, 1000.0
 _PATIENCE = 300.0  # [s], for the process of rank 0 to make the store
 
 
@@ -81,16 +87,20 @@ def sweep(
         scenario = scenario.with_overrides({"simulation.seed": seed})
     samples = None if samples is None else _count("samples", samples, 1)
     keep, tile = _count("keep", keep, 0), _count("tile", tile, 1)
+    plausible.warn_of(scenario)
     variation = vary(scenario)
     if not variation.numbers:
         raise UserError("uncertainty", "a section that names what varies", "empty")
     points = sampler(sampling, scenario.simulation.seed, len(variation.draws))
     contents = _contents(variation, sampling, keep, tile)
-    store = _store(contents, None if out is None else resolve_path(out, "out"), samples, resume, share)
-    with store.locked(share.rank):
+    path, places = None if out is None else resolve_path(out, "out"), slots()
+    _check_memory(contents, len(places), samples or SAMPLES, path)
+    fresh = path is not None and not path.exists() and share == ALONE
+    store = _store(contents, path, samples, resume, share)
+    with _going_again_if_empty(store, fresh), store.locked(share.rank):
         if share.rank == 0:
             store.grow(samples or store.samples)
-        _fill(store, variation, points, contents, share)
+        _fill(store, variation, points, contents, share, places)
     return store.dataset()
 
 
@@ -103,6 +113,34 @@ def _count(name: str, value: Any, least: int) -> int:
     if not least <= count <= LIMIT:
         raise UserError(name, f"from {least} to {LIMIT}", count)
     return count
+
+
+def _check_memory(contents: Contents, places: int, samples: int, path: Path | None) -> None:
+    """Refuse tiles, or a sweep without a store, that do not fit into memory.
+
+    Raises:
+        UserError: they do not.
+    """
+    points = len(contents.times) if contents.kept(samples) else 0
+    per_sample = _PER_ROLLOUT + _PER_POINT * points
+    check_memory(
+        places * contents.tile * per_sample, "tile", "smaller, or keep 0" if points else "smaller", contents.tile
+    )
+    if path is None:
+        columns = len(contents.parameters.names) + len(contents.metrics.names) + 2
+        series = contents.kept(samples) * points * len(contents.series.names)
+        check_memory(8.0 * (samples * columns + series), "samples", "fewer, or out given", samples)
+
+
+@contextlib.contextmanager
+def _going_again_if_empty(store: SweepStore, fresh: bool) -> Iterator[None]:
+    """Remove a new store without one whole tile when something goes wrong, so that the same command can begin again."""
+    try:
+        yield
+    except BaseException:
+        if fresh and store.path is not None and not any(map(store.done, range(store.tiles))):
+            shutil.rmtree(store.path, ignore_errors=True)
+        raise
 
 
 def _contents(variation: Variation, sampling: str, keep: int, tile: int) -> Contents:
@@ -152,9 +190,11 @@ def _appearing_store(contents: Contents, out: Path, samples: int) -> SweepStore:
     raise UserError("--rank", must, f"alone for {_PATIENCE:g} s")
 
 
-def _fill(store: SweepStore, variation: Variation, points: Any, contents: Contents, share: Share) -> None:
+def _fill(
+    store: SweepStore, variation: Variation, points: Any, contents: Contents, share: Share, places: list[Any]
+) -> None:
     """Compute and write the tiles of this process that are not in the store yet."""
-    tiles = share.tiles(-(-store.samples // contents.tile))
+    tiles = share.tiles(store.tiles)
     missing = [tile for tile in tiles if not store.done(tile)]
     structure, horizon = variation.structure(), _horizon(variation.scenario)
 
@@ -176,7 +216,7 @@ def _fill(store: SweepStore, variation: Variation, points: Any, contents: Conten
 
     done = (len(tiles) - len(missing)) * contents.tile
     with tqdm(total=len(tiles) * contents.tile, initial=done, unit="sample", disable=None) as bar:
-        for _ in concurrently(compute, drawn(), slots()):
+        for _ in concurrently(compute, drawn(), places):
             bar.update(contents.tile)
 
 

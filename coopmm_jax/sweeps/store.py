@@ -78,6 +78,11 @@ class SweepStore:
         """Number of samples the store has room for."""
         return self._arrays["status"].shape[0]
 
+    @property
+    def tiles(self) -> int:
+        """Number of tiles of these samples."""
+        return -(-self.samples // self._contents.tile)
+
     def locked(self, rank: int) -> AbstractContextManager[None]:
         """Keep other processes of the same rank out of the store.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.variation import Variation, vary
@@ -54,6 +55,7 @@ def build_problem(scenario: Scenario, descends: bool = False) -> Problem:
         UserError: nothing varies, a set does not fit, a bound excludes the start, or no sample survives the start.
     """
     settings, duration = scenario.tuning, scenario.simulation.duration
+    plausible.warn_of(scenario)
     variation = vary(scenario)
     if not variation.numbers:
         raise UserError("uncertainty", "given, so that there is something to be robust against", "empty")

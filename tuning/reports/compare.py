@@ -7,6 +7,7 @@ prints ``table`` and writes compare.txt, compare.json, compare.csv and figures.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from coopmm_jax.files import write_csv, write_json, write_text
-from coopmm_jax.plotting.style import save
+from coopmm_jax.plotting.style import publish
 from coopmm_jax.scenario.sections.requirements import success
 from coopmm_jax.status import Status
 from tuning.cost.objective import FAILED, TERMS
@@ -37,10 +38,10 @@ def write_report(folder: Path, compared: ComparedGains) -> None:
     write_text(folder / "compare.txt", table(compared))
     write_json(folder / "compare.json", summary(compared))
     _write_csv(folder / "compare.csv", compared)
-    save(compare_figures.costs(compared), folder / "costs.png")
-    save(compare_figures.bands(compared), folder / "bands.png")
+    drawn = [compare_figures.costs, compare_figures.bands]
     if compared.scenario.requirements.parsed():
-        save(compare_figures.requirements(compared), folder / "requirements.png")
+        drawn.append(compare_figures.requirements)
+    publish(folder, {f"{draw.__name__}.png": functools.partial(draw, compared) for draw in drawn})
 
 
 def changes(compared: ComparedGains, other: int) -> dict[str, Change]:

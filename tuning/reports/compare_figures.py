@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.metrics.table import METRICS
-from coopmm_jax.plotting.style import REFERENCE, WIDTH, GivenAxes, legend, panels, pen, styled
+from coopmm_jax.plotting.style import REFERENCE, WIDTH, GivenAxes, legend, panels, pen, plain, styled
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps.figures import hatch_beyond
 from coopmm_jax.sweeps.measure import SERIES
@@ -50,7 +50,8 @@ def costs(compared: ComparedGains, axes: GivenAxes = None) -> Figure:
     """
     figure, (pairs, shares) = panels(axes, [["pairs", "shares"]], height=3.2)
     first, completed = compared.comparison.costs[0], compared.comparison.completed
-    for i, label in enumerate(compared.labels[1:], 1):
+    labels = list(map(plain, compared.labels))
+    for i, label in enumerate(labels[1:], 1):
         both = completed[0] & completed[i]
         before, after = first[both], compared.comparison.costs[i][both]
         colour = pen(i)["color"]
@@ -59,10 +60,10 @@ def costs(compared: ComparedGains, axes: GivenAxes = None) -> Figure:
         ratios = np.sort(after / before)
         shares.plot(ratios, np.arange(1, len(ratios) + 1) / max(1, len(ratios)), label=name, **pen(i))
     pairs.axline((1.0, 1.0), (2.0, 2.0), label="equal", **REFERENCE)
-    pairs.set(xscale="log", yscale="log", xlabel=f"cost under {compared.labels[0]} [-]", ylabel="cost [-]")
+    pairs.set(xscale="log", yscale="log", xlabel=f"cost under {labels[0]} [-]", ylabel="cost [-]")
     shares.axvline(1.0, **REFERENCE)
     shares.set_xlim(left=0.0)
-    shares.set(xlabel=f"cost over that under {compared.labels[0]} [-]", ylabel="share of samples [-]")
+    shares.set(xlabel=f"cost over that under {labels[0]} [-]", ylabel="share of samples [-]")
     legend(pairs)
     legend(shares)
     return figure
@@ -95,8 +96,8 @@ def bands(compared: ComparedGains, axes: GivenAxes = None) -> Figure:
 
 def _names(compared: ComparedGains) -> list[str]:
     """Labels of the sets, with the number of rollouts that fail and so are not drawn."""
-    failing = (~compared.comparison.completed).sum(axis=1)
-    return [f"{label} ({n} fail)" if n else label for label, n in zip(compared.labels, failing, strict=True)]
+    failing, labels = (~compared.comparison.completed).sum(axis=1), map(plain, compared.labels)
+    return [f"{label} ({n} fail)" if n else label for label, n in zip(labels, failing, strict=True)]
 
 
 def _strips(axes: Axes, compared: ComparedGains, limit: Requirement) -> None:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import write_csv, write_text
-from coopmm_jax.plotting.style import GivenAxes, legend, panels, pen, save, styled
+from coopmm_jax.plotting.style import GivenAxes, legend, panels, pen, publish, styled
 from coopmm_jax.scenario.gains_file import gains_text
 from tuning.cost.objective import FAILED
 from tuning.studies.pareto import Front
@@ -44,7 +44,7 @@ def write_report(folder: Path, front: Front) -> None:
     write_text(folder / "front.txt", table(front))
     rows = _rows(front)
     write_csv(folder / TABLE, list(rows[0]), (row.values() for row in rows))
-    save(picture(front), folder / "front.png")
+    publish(folder, {"front.png": lambda: picture(front)})
 
 
 def table(front: Front) -> str:

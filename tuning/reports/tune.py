@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from coopmm_jax.files import write_json, write_text
-from coopmm_jax.plotting.style import save
+from coopmm_jax.plotting.style import publish
 from coopmm_jax.scenario.sections.requirements import Requirement, success
 from tuning.cost.objective import TERMS
 from tuning.reports import tune_figures
@@ -25,8 +26,8 @@ def write_report(folder: Path, result: TuningResult) -> None:
     content |= {"requirements": [_requirement(result, r) for r in result.scenario.requirements.parsed()]}
     content |= {"gains": dict(zip(result.labels, np.stack([result.before, result.after], 1).tolist(), strict=True))}
     write_json(folder / "report.json", content)
-    for draw in (tune_figures.convergence, tune_figures.gains, tune_figures.bands):
-        save(draw(result), folder / f"{draw.__name__}.png")
+    drawn = (tune_figures.convergence, tune_figures.gains, tune_figures.bands)
+    publish(folder, {f"{draw.__name__}.png": functools.partial(draw, result) for draw in drawn})
 
 
 def changes(result: TuningResult) -> dict[str, Change]:
