@@ -66,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             terminal.end(number)
         terminal.say("interrupted")
         return 128 + number
-    except Exception as error:
+    except (UserError, UsageError, OSError, MemoryError, RuntimeError) as error:
         message = told(error)
         if message is None:
             raise

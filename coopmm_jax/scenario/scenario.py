@@ -195,7 +195,7 @@ def _find(name_or_path: str, folder: Path, field: str) -> Path:
     shipped = _shipped()
     if name_or_path in shipped:
         return shipped[name_or_path]
-    path = folder / resolve_path(name_or_path, "scenario")
+    path = folder / resolve_path(name_or_path, field)
     if path.suffix == ".toml" or path.is_file():
         return path
     names = ", ".join(sorted(shipped))
