@@ -75,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def told(error: Exception) -> str | None:
-    """What to tell a user of an error that an input or the machine has caused; None of others."""
+    """Line for the user about an error that an input or the machine has caused; None for others."""
     if isinstance(error, UserError | UsageError):
         return str(error)
     if isinstance(error, OSError):  # a disk that fills up

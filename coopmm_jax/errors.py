@@ -19,7 +19,7 @@ _containers.maxstring = _containers.maxother = 60
 
 
 class Notice(UserWarning):
-    """What a user should know of input that is used all the same; the command line prints it as one line."""
+    """Warning about input that is used all the same; the command line prints it as one line."""
 
 
 class UserError(ValueError):

@@ -106,7 +106,7 @@ def _watch(reading: int) -> NoReturn:
     end(number)
 
 
-def _tolerant(stream: TextIO | None) -> TextIO:
+def _tolerant(stream: Any) -> TextIO:  # a TextIOWrapper, or what was put into its place; None if it is closed
     """A stream that spells out what its encoding does not have."""
     if stream is None:
         return open(os.devnull, "w")

@@ -1,4 +1,4 @@
-"""What is presented never takes the results with it, on any terminal, in any environment, under any name."""
+"""Presentation never takes the results with it, on any terminal, in any environment, under any name."""
 
 import json
 import os

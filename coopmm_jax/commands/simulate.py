@@ -64,8 +64,9 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         write_run(folder, scenario, trajectory)
     code = _report(scenario, trajectory)
     from coopmm_jax import plotting  # imports matplotlib
+    from coopmm_jax.plotting import style
 
-    plotting.style.publish(target, {"overview.png": lambda: plotting.overview(trajectory)})
+    style.publish(target, {"overview.png": lambda: plotting.overview(trajectory)})
     print(f"written to {target}")
     return code
 

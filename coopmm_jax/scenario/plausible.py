@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.errors import Notice
 from coopmm_jax.parameters import Geometry, Inertia
 
@@ -24,7 +25,7 @@ MOST = 2.5  # times the paper's own proportions, which are generous
 _MISMATCH = 4.0  # between the controller's model and the plant
 
 # The mass [kg] and the length [m] that a moment of inertia goes with.
-_GOES_WITH: dict[str, Callable[[Geometry, Inertia], tuple[float, float]]] = {
+_GOES_WITH: dict[str, Callable[[Geometry, Inertia], tuple[Scalar, Scalar]]] = {
     "I_w": lambda g, i: (i.m_p + i.m1 + i.m2 + i.m3, g.r),
     "I_p": lambda g, i: (i.m_p, math.hypot(g.l, g.d)),
     "I1": lambda g, i: (i.m1, g.l1),
@@ -65,7 +66,7 @@ def _too_large(geometry: tuple[Geometry, Geometry], inertia: tuple[Inertia, Iner
             times, value = _proportion(name, sizes, masses) / usual, getattr(masses, name)
             if times > MOST:
                 inherited = ", and is the value of the paper" if value == getattr(Inertia(), name) else ""
-                felt = f": like {_over(value, sizes.r * sizes.r):.3g} kg at each wheel" if name == "I_w" else ""
+                felt = f": like {_over(value, float(sizes.r * sizes.r)):.3g} kg at each wheel" if name == "I_w" else ""
                 expected = f"{times:.3g} times what fits mass and size of robot {robot}"
                 yield f"plant.{name}: {value:g} kg m^2 is {expected}{inherited}{felt}"
                 break
@@ -74,7 +75,7 @@ def _too_large(geometry: tuple[Geometry, Geometry], inertia: tuple[Inertia, Iner
 def _proportion(name: str, geometry: Geometry, inertia: Inertia) -> float:
     """Moment of inertia over the mass and the square of the length that it goes with [-]."""
     mass, length = _GOES_WITH[name](geometry, inertia)
-    return _over(getattr(inertia, name), mass * length * length)
+    return _over(getattr(inertia, name), float(mass * length * length))
 
 
 def _over(number: float, divisor: float) -> float:

@@ -54,8 +54,8 @@ def share(
         return mine or Share()
     import jax
 
-    if coordinator is not None:
-        meet(coordinator, size, rank)
+    if coordinator is not None and mine is not None:
+        meet(coordinator, mine.size, mine.rank)
     jax.config.update("jax_enable_preemption_service", False)  # it would take SIGTERM for itself
     try:
         jax.distributed.initialize(coordinator, size, rank)
