@@ -1,4 +1,4 @@
-"""How a rollout ended: failure is data, one code per rollout, so that no NaN spreads through a batch or gradient."""
+"""Outcome of a rollout: failure is data, one code per rollout, so that no NaN spreads through a batch or gradient."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""In which form a rollout carries its values: a buffer for each scalar, or one vector for each pytree of them.
+"""Form in which a rollout carries its values: a buffer for each scalar, or one vector for each pytree of them.
 
 Every scalar that a loop carries is a buffer of its own, whose address the loop's code stores and loads at each stage,
 and what the reverse pass keeps of a step is one array for each. As vectors one rollout runs a seventh faster, and a
@@ -17,15 +17,16 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 
-from coopmm_jax.algebra.types import PyTree
+from coopmm_jax.algebra.types import PyTree, Scalar
 from coopmm_jax.loop.state import Signals
 
 
 class _Layout(NamedTuple):
     """Static part of ``Packed``."""
 
-    structure: Any  # of the pytree
+    structure: Any  # of the pytree, a PyTreeDef
     leaves: tuple[_Leaf, ...]
 
 
@@ -34,7 +35,7 @@ class _Leaf(NamedTuple):
 
     kept: bool
     scalar: bool
-    dtype: Any  # to convert back to; None where it is the vector's own
+    dtype: DTypeLike | None  # to convert back to; None where it is the vector's own
 
 
 @jax.tree_util.register_pytree_node_class
@@ -53,7 +54,7 @@ class Packed:
         self.values, self.arrays, self.layout = values, arrays, layout
 
     @classmethod
-    def of(cls, tree: PyTree, dtype: Any, kept: tuple[bool, ...] | None = None) -> Packed:
+    def of(cls, tree: PyTree, dtype: DTypeLike, kept: tuple[bool, ...] | None = None) -> Packed:
         """Pack a pytree, each scalar converted to ``dtype``.
 
         Args:
@@ -100,7 +101,7 @@ class Packed:
         return cls(*children, layout)
 
 
-def _other_dtype(leaf: Any, dtype: Any) -> Any:
+def _other_dtype(leaf: Any, dtype: DTypeLike) -> DTypeLike | None:
     own = getattr(leaf, "dtype", None)
     return None if own is None or own == dtype else own
 
@@ -130,7 +131,7 @@ class Vectors:
             keep XLA from leaving their computation out.
     """
 
-    def __init__(self, dtype: Any, read: Callable[[Signals], PyTree]):
+    def __init__(self, dtype: DTypeLike, read: Callable[[Signals], PyTree]):
         self.dtype, self.read = dtype, read
 
     def pack(self, tree: PyTree) -> PyTree:
@@ -157,7 +158,7 @@ class Vectors:
         """
         on_vectors = self.lifted(function)
 
-        def in_stage(known: PyTree, t: Any, state: PyTree) -> tuple:
+        def in_stage(known: PyTree, t: Scalar, state: PyTree) -> tuple:
             return on_vectors(*jax.lax.optimization_barrier((known, t)), state)
 
         return in_stage

@@ -8,18 +8,18 @@ state at every segment's start and recomputes inside, a few MB instead of gigaby
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 
-PyTree = Any
+from coopmm_jax.algebra.types import PyTree, Scalar
+
 # Nodes and weights of the classical Runge-Kutta method; each stage starts from the slope of the one before.
 _NODES = (0.0, 0.5, 0.5, 1.0)
 _WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 
 
-def rk4_step(field: Callable, t: Any, step: Any, state: PyTree) -> tuple[PyTree, PyTree]:
+def rk4_step(field: Callable, t: Scalar, step: Scalar, state: PyTree) -> tuple[PyTree, PyTree]:
     """One classical Runge-Kutta step.
 
     Args:
@@ -57,12 +57,12 @@ def recomputed(function: Callable) -> Callable:
     return jax.checkpoint(function, prevent_cse=False)
 
 
-def rk4_hold(field: Callable, t: Any, step: Any, count: int, state: PyTree) -> tuple[PyTree, PyTree]:
-    """``count`` (static) Runge-Kutta steps from t; the state at their end and the signals at t."""
+def rk4_hold(field: Callable, t: Scalar, step: Scalar, count: int, state: PyTree) -> tuple[PyTree, PyTree]:
+    """State after ``count`` (static) Runge-Kutta steps from t [s], and the signals at t."""
     if count == 1:
         return rk4_step(field, t, step, state)
 
-    def advance(state: PyTree, i: Any) -> tuple[PyTree, PyTree]:
+    def advance(state: PyTree, i: jax.Array) -> tuple[PyTree, PyTree]:
         return rk4_step(field, t + i.astype(jnp.result_type(step)) * step, step, state)
 
     state, signals = jax.lax.scan(advance, state, jnp.arange(count, dtype=jnp.int32))
@@ -86,7 +86,7 @@ def scan_segments(
         Last carry, and the reports stacked along a leading axis of ``segments``.
     """
 
-    def segment(carry: PyTree, start: Any) -> tuple[PyTree, PyTree]:
+    def segment(carry: PyTree, start: jax.Array) -> tuple[PyTree, PyTree]:
         carry, reports = jax.lax.scan(advance, carry, start + jnp.arange(length, dtype=jnp.int32))
         return carry, jax.tree.map(lambda x: x[0], reports)
 

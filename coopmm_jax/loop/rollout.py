@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
+from jax.typing import DTypeLike
 
 from coopmm_jax.algebra.types import Bool, PyTree, Scalar
 from coopmm_jax.errors import UserError
@@ -82,7 +83,7 @@ def _segments(steps: int, length: int) -> int:
 
 
 class Observer(NamedTuple):
-    """What to accumulate along a rollout: a start value, a pytree of scalars, and how one sample adds to it."""
+    """Total to be gathered along a rollout: its start, a pytree of scalars, and the update by one sample."""
 
     start: PyTree
     update: Callable[[PyTree, Scalar, Signals], PyTree]  # (total, t, signals) -> total
@@ -97,7 +98,7 @@ class Rollout(NamedTuple):
     record: PyTree  # (t, signals) at each segment's start, stacked; None unless recorded
 
 
-def as_scalars(tree: PyTree, dtype: Any) -> PyTree:
+def as_scalars(tree: PyTree, dtype: DTypeLike) -> PyTree:
     """A pytree with every leaf an array of one floating dtype, without disturbing batch axes."""
     return jax.tree.map(lambda x: jnp.asarray(x, dtype), tree)
 

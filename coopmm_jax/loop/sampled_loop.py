@@ -25,7 +25,7 @@ from coopmm_jax.parameters import Structure
 
 
 class _Motion(NamedTuple):
-    """What moves between two samples."""
+    """Part of the state that moves between two samples."""
 
     position: Pair[Position]
     velocity: Vector

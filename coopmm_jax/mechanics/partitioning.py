@@ -24,7 +24,7 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.matrix import Matrix, cholesky_solve, dot, identity, inverse_small, is_zero, minus, plus, sub
 from coopmm_jax.algebra.types import Pair, Scalar, T, Vector
 from coopmm_jax.mechanics.constraints import Rows
-from coopmm_jax.mechanics.robot import JOINTS, per_robot
+from coopmm_jax.mechanics.robot import JOINTS, PITCH_JOINTS, per_robot
 
 
 class Partition(NamedTuple):
@@ -41,8 +41,8 @@ def partition(rows: tuple[str, ...]) -> Partition:
     ((4,), ())
     """
     dependent = (
-        (3, 4) if "contact_height" in rows else (4,),
-        (3, 4) if "guide_radial" in rows else (),
+        PITCH_JOINTS if "contact_height" in rows else PITCH_JOINTS[1:],
+        PITCH_JOINTS if "guide_radial" in rows else (),
     )
     independent = per_robot(lambda taken: tuple(j for j in range(JOINTS) if j not in taken), dependent)
     return Partition(independent, dependent)

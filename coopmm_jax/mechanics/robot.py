@@ -14,6 +14,7 @@ from coopmm_jax.algebra.types import Pair, T
 PLATFORM = 2  # velocities u1, u2 of the platform, before those of the arm
 ARM_JOINTS = 3  # yaw, then two pitch joints
 JOINTS = PLATFORM + ARM_JOINTS  # velocities u of (9)
+PITCH_JOINTS = (3, 4)  # of the arm, a2 and a3, among u
 CHAINED = 3  # coordinates z1, z2, z3 of the platform, before the arm's angles
 COORDINATES = CHAINED + ARM_JOINTS
 WHEELS = 2  # right, left: actuators before those of the arm's joints

@@ -25,6 +25,7 @@ from coopmm_jax.control.reference import desired_motion
 from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.rollout import Observer
 from coopmm_jax.loop.state import Signals
+from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS, WHEELS
 from coopmm_jax.metrics.table import ERRORS, LATE, METRICS, SETTLED, TRACKING
 from coopmm_jax.parameters import Hardware, Parameters, Reference, Structure, Surface
 
@@ -167,7 +168,7 @@ def _start(structure: Structure) -> Total:
     return Total(
         Sums(**dict.fromkeys(Sums._fields, zero) | {"error": errors}),
         Largest(**dict.fromkeys(Largest._fields, none) | {"error": errors}),
-        Last(errors, zero, (zero,) * 10, (zero,) * arms),
+        Last(errors, zero, (zero,) * (ROBOTS * ACTUATORS), (zero,) * arms),
     )
 
 
@@ -178,7 +179,7 @@ def _last(structure: Structure, total: Total, signals: Signals, errors: dict[str
         for before, now in zip(total.last.first_determinants, signals.determinants, strict=True)
     )
     force_error = signals.force_error[structure.rows.index("contact_normal")]
-    return Last(errors, force_error, (*one[:2], *two[:2], *one[2:], *two[2:]), first)
+    return Last(errors, force_error, (*one[:WHEELS], *two[:WHEELS], *one[WHEELS:], *two[WHEELS:]), first)
 
 
 def _saturated(structure: Structure, hardware: Hardware, signals: Signals) -> Scalar:
@@ -208,7 +209,7 @@ def _summands(total: Total, force: Scalar, last: Last, late: Scalar, saturated: 
         torque=dot(last.torque, last.torque),
         saturated=saturated,
         variation=jnp.where(before, sum(change), 0.0),
-        wheel_variation_late=jnp.where(late & late_before, sum(change[:4]), 0.0),
+        wheel_variation_late=jnp.where(late & late_before, sum(change[: ROBOTS * WHEELS]), 0.0),
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from coopmm_jax.control.adaptive import Regressors
 from coopmm_jax.files import versions
 from coopmm_jax.mechanics import partitioning
+from coopmm_jax.mechanics.robot import PLATFORM
 from coopmm_jax.metrics.table import METRICS, SHOWN
 from coopmm_jax.status import Status
 
@@ -127,7 +128,7 @@ class Trajectory:
             **{dim: list(labels) for dim, labels in _LABELS.items()},
             "row": list(self.rows),
             "independent": [label for _, label in independent],
-            "independent_arm": [label for joint, label in independent if joint >= 2],
+            "independent_arm": [label for joint, label in independent if joint >= PLATFORM],
         }
 
     def __repr__(self) -> str:

@@ -23,6 +23,7 @@ from coopmm_jax.control.reference import desired_force
 from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.loop.state import Signals
+from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS
 from coopmm_jax.metrics.observer import squared_errors
 from coopmm_jax.parameters import Parameters, Structure
 from tuning.cost.gain_space import GainSpace, gain_space
@@ -130,7 +131,7 @@ class Objective:
             sums = tuple(old + terms[name] for old, name in zip(total.terms, TERMS, strict=True))
             return Total(sums, torque)
 
-        return Observer(Total((zero,) * len(TERMS), (zero,) * 10), update)
+        return Observer(Total((zero,) * len(TERMS), (zero,) * (ROBOTS * ACTUATORS)), update)
 
 
 def _terms(structure: Structure, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:

@@ -18,11 +18,12 @@ from pydantic import Field
 
 from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
+from coopmm_jax.mechanics.robot import JOINTS, ROBOTS
 from coopmm_jax.scenario.fields import AboveMinusOne, Finite, NotNegative, Pair, PerEntry, Positive, Section, quantity
 
 _gains, _reference, _structure = parameters.Gains(), parameters.Reference(), parameters.Structure()
 
-VELOCITIES = 10  # of both robots; each constraint row makes one of them dependent
+VELOCITIES = ROBOTS * JOINTS  # of both robots; each constraint row makes one of them dependent
 ESTIMATES = 5
 VELOCITY, ESTIMATE, ROW = "independent velocity", "estimate of (20)-(24)", "constraint row"
 
