@@ -37,7 +37,7 @@ def risk(kind: str, level: float = 0.9, sharpness: float = 2.0) -> Risk:
         return lambda costs: (jax.nn.logsumexp(sharpness * costs) - math.log(costs.shape[0])) / sharpness
     if kind == "worst":
         return jnp.max
-    raise UserError("tuning.cost.risk", " or ".join(KINDS), kind)
+    raise UserError("tuning.risk", " or ".join(KINDS), kind)
 
 
 def weighted(function: Risk, costs: np.ndarray) -> tuple[float, np.ndarray]:
