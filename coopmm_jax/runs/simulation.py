@@ -50,7 +50,6 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
-    plausible.warn_of(scenario)
     if precision is not None:
         scenario = scenario.with_overrides({"simulation.precision": precision})
     settings, structure, parameters = scenario.simulation, scenario.structure(), scenario.parameters()
@@ -59,6 +58,7 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     must = "larger, or simulation.duration shorter"
     needed = _PER_SAMPLE[settings.precision] * plan.segments
     check_memory(needed, "simulation.record_every", must, settings.record_every)
+    plausible.warn_of(scenario)
     with jax.enable_x64(settings.precision == "float64"):
         outcome = _compiled(structure, plan, parameters, step, steps)
         series, measured, health = jax.device_get(outcome)

@@ -87,7 +87,6 @@ def sweep(
         scenario = scenario.with_overrides({"simulation.seed": seed})
     samples = None if samples is None else _count("samples", samples, 1)
     keep, tile = _count("keep", keep, 0), _count("tile", tile, 1)
-    plausible.warn_of(scenario)
     variation = vary(scenario)
     if not variation.numbers:
         raise UserError("uncertainty", "a section that names what varies", "empty")
@@ -97,6 +96,7 @@ def sweep(
     _check_memory(contents, len(places), samples or SAMPLES, path)
     fresh = path is not None and not path.exists() and share == ALONE
     store = _store(contents, path, samples, resume, share)
+    plausible.warn_of(scenario)
     with _going_again_if_empty(store, fresh), store.locked(share.rank):
         if share.rank == 0:
             store.grow(samples or store.samples)

@@ -55,7 +55,6 @@ def build_problem(scenario: Scenario, descends: bool = False) -> Problem:
         UserError: nothing varies, a set does not fit, a bound excludes the start, or no sample survives the start.
     """
     settings, duration = scenario.tuning, scenario.simulation.duration
-    plausible.warn_of(scenario)
     variation = vary(scenario)
     if not variation.numbers:
         raise UserError("uncertainty", "given, so that there is something to be robust against", "empty")
@@ -68,6 +67,7 @@ def build_problem(scenario: Scenario, descends: bool = False) -> Problem:
         raise UserError("tuning.horizon", f"at least one sample time ({scenario.sample_time:g} s)", settings.horizon)
     if settings.survivors > settings.starts:
         raise UserError("tuning.survivors", f"at most tuning.starts ({settings.starts})", settings.survivors)
+    plausible.warn_of(scenario)
     fixed = _draw(variation, VALIDATION, settings.validation_samples)
     if descends:
         evaluate.compile_gradients(Objective.of(scenario, variation.structure(), settings.horizon), fixed)
