@@ -19,6 +19,7 @@ import os
 import platform
 import secrets
 import shutil
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -105,6 +106,40 @@ def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     by_name: dict[str, Any] = dict(arrays)
     with whole_file(path) as stream:
         np.savez(stream, **by_name)
+
+
+def read_npz(path: Path) -> dict[str, np.ndarray]:
+    """Arrays of any shape (...) by name, of a file that may be damaged or something else altogether.
+
+    Raises:
+        ValueError: whatever is wrong with it, in a few words.
+    """
+    import numpy as np
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = np.load(path, allow_pickle=False)
+            with found:
+                return {name: found[name] for name in found.files}
+    except Exception as error:  # zipfile, zlib and NumPy have many
+        raise ValueError(_short(error)) from None
+
+
+def read_json(path: Path) -> Any:
+    """Content of a JSON file that may be damaged or something else altogether.
+
+    Raises:
+        ValueError: whatever is wrong with it, in a few words.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ValueError(_short(error)) from None
+
+
+def _short(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 
 @contextlib.contextmanager

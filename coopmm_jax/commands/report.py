@@ -46,6 +46,9 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     folder = report_folder(options.store) if options.out is None else resolve_path(options.out, "--out")
     publish_and_print(folder, data, scenario)
     print(f"written to {folder}")
+    if damaged := data.attrs["damaged"]:
+        must = "whole (coopmm sweep --resume computes the rest again)"
+        raise UserError("store", must, f"{options.store} ({'; '.join(damaged.values())})")
     return DONE
 
 

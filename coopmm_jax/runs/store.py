@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import resolve_path, versions, write_json, write_npz, write_text
+from coopmm_jax.files import read_json, read_npz, resolve_path, versions, write_json, write_npz, write_text
 
 if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
@@ -46,17 +44,17 @@ def read_run(folder: str | Path) -> Trajectory:
 
     folder = resolve_path(folder, "run")
     try:
-        with np.load(folder / "trajectory.npz") as saved:
-            arrays = {name: saved[name] for name in ARRAYS}
-        about = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        return Trajectory(
-            **arrays,
+        arrays, about = read_npz(folder / "trajectory.npz"), read_json(folder / "summary.json")
+        run = Trajectory(
+            **{name: arrays[name] for name in ARRAYS},
             status=Status[about["status"]],
-            status_time=about["status_time"],
-            metrics={name: math.nan if value is None else value for name, value in about["metrics"].items()},
+            status_time=None if about["status_time"] is None else float(about["status_time"]),
+            metrics={name: math.nan if value is None else float(value) for name, value in about["metrics"].items()},
             scenario=load_scenario(folder / "scenario.toml"),
         )
-    except (OSError, KeyError, ValueError, BadZipFile) as error:
+        run.check()
+        return run
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise UserError("run", "a folder that coopmm simulate --out has written", f"{folder} ({error})") from None
 
 

@@ -97,6 +97,20 @@ class Trajectory:
         """Names of the constraint rows (m,)."""
         return self.scenario.coupling.rows
 
+    def check(self) -> None:
+        """Check that all arrays have the shapes that their dimensions say, and finite numbers.
+
+        Raises:
+            ValueError: the first that has not.
+        """
+        sizes = {"t": len(self.t)} | {dim: len(labels) for dim, labels in self._labels().items()}
+        for name, about in ARRAYS.items():
+            value = getattr(self, name)
+            if value.shape != tuple(sizes[dim] for dim in about["dims"]) or value.dtype.kind != "f":
+                raise ValueError(f"{name} is {value.dtype} of shape {value.shape}")
+            if not np.isfinite(value).all():
+                raise ValueError(f"{name} has numbers that are not finite")
+
     def to_xarray(self) -> xarray.Dataset:
         """All arrays by name, with labelled dimensions and units; the rest in the data set's attributes.
 

@@ -48,8 +48,9 @@ def sweep_bands(data: xarray.Dataset, axes: style.GivenAxes = None) -> Figure:
     if not data.sizes["kept"]:
         raise UserError("keep", "at least 1 for bands over time", 0)
     figure, panels = style.panels(axes, [_SERIES[:2], _SERIES[2:]], height=5.0)
+    computed = data.status.values[: data.sizes["kept"]] >= 0
     for panel, name in zip(panels, _SERIES, strict=True):
-        _band_panel(panel, data[name], data.t.values)
+        _band_panel(panel, data[name], computed, data.t.values)
     style.legend(panels[0])
     return figure
 
@@ -130,8 +131,8 @@ def _grid(count: int) -> list[list[str]]:
     return [row * 2 if len(row) == 1 else row for row in rows]
 
 
-def _band_panel(axes: Axes, series: xarray.DataArray, t: np.ndarray) -> None:
-    values = store.values(series)
+def _band_panel(axes: Axes, series: xarray.DataArray, computed: np.ndarray, t: np.ndarray) -> None:
+    values = store.values(series)[computed]
     alive = np.isfinite(values).any(axis=0)
     if not alive.any():
         style.remark(axes, f"none of {len(values)} samples with series got under way")

@@ -30,7 +30,9 @@ def replay(sweep: xarray.Dataset | str | Path, sample: int) -> Scenario:
         raise UserError("sample", f"from 0 to {count - 1}", sample)
     row = data.isel(sample=sample)
     if int(store.values(row.status)) < 0:
-        raise UserError("sample", "one that has been computed (sweep --resume computes the rest)", sample)
+        damaged = data.attrs.get("damaged", {}).get(sample // data.attrs["tile"])
+        was = f"{sample} ({damaged})" if damaged else sample
+        raise UserError("sample", "one that has been computed (sweep --resume computes the rest)", was)
     drawn = zip(data.parameter.values, store.values(row.parameters), strict=True)
     variation = vary(store.scenario_of(data))
     return variation.sample(sample, {str(name): float(value) for name, value in drawn})

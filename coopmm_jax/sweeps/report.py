@@ -32,10 +32,16 @@ def text(results: Results) -> str:
     n, settings = len(results.index), results.scenario.simulation
     computed = f"{n} samples" if n == results.total else f"{n} of {results.total} samples (the rest is not there yet)"
     head = [results.scenario.description, f"{computed} of {settings.duration:g} s, seed {settings.seed}"]
+    head += [f"damaged, and not counted: {text}" for text in damaged(results.data)]
     if not results.completed.any():
         head.insert(0, f"all {n} samples failed: none reached {settings.duration:g} s")
     parts = [head, _requirements(results), _metrics(results), _matters(results), _failed(results)]
     return "\n\n".join("\n".join(part) for part in parts if part)
+
+
+def damaged(data: xarray.Dataset) -> list[str]:
+    """Batches of a store that are not as they were written, with their samples and the file at fault."""
+    return list(data.attrs.get("damaged", {}).values())
 
 
 def write_report(folder: Path, data: xarray.Dataset, results: Results | None = None) -> None:

@@ -1,77 +1,51 @@
 """Store of a sweep: a zarr group that xarray opens, written batch by batch by any number of processes.
 
 A chunk holds one batch, so no two writers share a file, and each file appears whole or not at all: whatever kills a
-process, the batches whose files all exist are complete.
+process, the batches that have a checksum are complete.
 
-    group attributes   scenario (TOML), sampling, tile, keep, versions
+    group attributes   scenario (TOML), sampling, tile, keep, versions, fingerprint of these and of the coordinates
     parameters         (sample, parameter)   drawn values, in the units of coordinate parameter_unit
     metrics            (sample, metric)      in the units of coordinate metric_unit
     status             (sample)              code of ``Status``; -1: not computed yet
     status_time        (sample)              of a failure [s]
     contact_force ...  (kept, t)             series of the first samples, see ``measure.SERIES``
+    checksums          (batch)               see ``wholeness``; its attribute samples says how many there are to be
 """
 
 from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import zarr
-from zarr.codecs import ZstdCodec
 from zarr.storage import LocalStore, MemoryStore
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import hidden_folder, locked_folder, resolve_path
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.validation import validate
+from coopmm_jax.sweeps.contents import BY_SAMPLE, COORDINATES, Contents, build
+from coopmm_jax.sweeps.wholeness import CHECKSUMS, FINGERPRINT, Batches, checksum, fingerprint, inspect
 
 if TYPE_CHECKING:
     import xarray
-
-_BY_SAMPLE = ("parameters", "metrics", "status", "status_time")
-
-
-class Labels(NamedTuple):
-    """Names, units and meanings along one dimension."""
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    meanings: tuple[str, ...]
-
-
-class Contents(NamedTuple):
-    """Contents of a store; two sweeps with equal settings share one."""
-
-    settings: dict[str, Any]  # the group's attributes
-    parameters: Labels
-    metrics: Labels
-    series: Labels
-    times: np.ndarray  # of the series [s]
-
-    @property
-    def tile(self) -> int:
-        """Samples of a batch."""
-        return self.settings["tile"]
-
-    def kept(self, samples: int) -> int:
-        """Number of samples that have series, in a sweep of so many."""
-        return min(self.settings["keep"], samples)
 
 
 class SweepStore:
     """An open store; ``create``, ``open_store`` and ``in_memory`` make one."""
 
-    def __init__(self, group: zarr.Group, contents: Contents, path: Path | None):
-        self.path, self._contents = path, contents
-        names = [*_BY_SAMPLE, *contents.series.names]
-        with zarr.config.set({"array.write_empty_chunks": True}):  # else a tile of nothing but fill values has no file
-            self._arrays = {name: cast(zarr.Array, group[name]) for name in names}
-        self._group = group
+    def __init__(self, group: zarr.Group, contents: Contents, path: Path | None, batches: Batches | None = None):
+        self.path, self._contents, self._group = path, contents, group
+        self._arrays = _batched(group)
+        self._checksums = cast(zarr.Array, group[CHECKSUMS])
+        self._damaged = batches.damaged if batches else {}
+        self._whole = set(np.flatnonzero(batches.whole).tolist()) if batches else set[int]()
 
     @property
     def samples(self) -> int:
@@ -80,7 +54,7 @@ class SweepStore:
 
     @property
     def tiles(self) -> int:
-        """Number of tiles of these samples."""
+        """Number of batches of these samples."""
         return -(-self.samples // self._contents.tile)
 
     def locked(self, rank: int) -> AbstractContextManager[None]:
@@ -95,18 +69,24 @@ class SweepStore:
 
     def done(self, tile: int) -> bool:
         """True if a batch is complete."""
-        return self.path is not None and all(path.exists() for path in self._files(self.path, tile))
+        return tile in self._whole
 
     def write(self, tile: int, values: Mapping[str, np.ndarray]) -> None:
         """Write one batch: arrays (B, ...) by name, the last of its B samples perhaps beyond the sweep."""
-        size = self._contents.tile
-        for name, rows in values.items():
+        size, rows = self._contents.tile, {}
+        for name, given in values.items():
             array = self._arrays[name]
             window = slice(tile * size, min((tile + 1) * size, array.shape[0]))
-            array[window] = rows[: window.stop - window.start]
+            rows[name] = np.asarray(given[: window.stop - window.start], array.dtype)
+            array[window] = rows[name]
+        self._checksums[tile] = checksum(rows)
+        self._whole.add(tile)
+        self._damaged.pop(tile, None)
 
     def grow(self, samples: int) -> None:
         """Make room for more samples. A last batch that was cut short is to be computed again.
+
+        What kills the process in between leaves a store that is made as large when it is opened again.
 
         Raises:
             UserError: the store has more samples already.
@@ -115,25 +95,24 @@ class SweepStore:
             raise UserError("samples", f"at least {self.samples}, as {self.path} has", samples)
         tile, cut = divmod(self.samples, self._contents.tile)
         if samples > self.samples:
-            for path in self._files(self.path, tile) if cut and self.path is not None else ():
-                path.unlink(missing_ok=True)
-            for name, array in self._arrays.items():
-                rows = samples if name in _BY_SAMPLE else self._contents.kept(samples)
-                array.resize((rows, *array.shape[1:]))
+            if cut:
+                self._checksums[tile] = 0
+                self._whole.discard(tile)
+            self._checksums.attrs["samples"] = samples
+            _enlarge(self._group)
+            self._arrays = _batched(self._group)
+            self._checksums = cast(zarr.Array, self._group[CHECKSUMS])
 
     def dataset(self) -> xarray.Dataset:
-        """Everything written so far, read when it is used."""
-        return _opened(self._group.store)
-
-    def _files(self, folder: Path, tile: int) -> list[Path]:
-        keeping = tile * self._contents.tile < self._contents.kept(self.samples)
-        names = [name for name in self._arrays if name in _BY_SAMPLE or keeping]
-        return [chunk_file(folder, name, tile, self._arrays[name].ndim) for name in names]
+        """Everything written so far, read when it is used; samples of damaged batches count as not computed."""
+        written = np.asarray(self._checksums[:]) != 0
+        written[list(self._damaged)] = False
+        return _opened(self._group, Batches(written, self._damaged))
 
 
 def in_memory(contents: Contents, samples: int) -> SweepStore:
     """A store that lives as long as the process."""
-    return SweepStore(_build(MemoryStore(), contents, samples), contents, None)
+    return SweepStore(build(MemoryStore(), contents, samples), contents, None)
 
 
 def create(path: Path, contents: Contents, samples: int) -> SweepStore:
@@ -147,7 +126,7 @@ def create(path: Path, contents: Contents, samples: int) -> SweepStore:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with hidden_folder(path.parent, path.name) as hidden:
-            _build(LocalStore(hidden), contents, samples)
+            build(LocalStore(hidden), contents, samples)
             hidden.rename(path)
     except OSError as error:
         raise UserError("out", "a place that can be written", f"{path} ({error.strerror})") from None
@@ -161,11 +140,11 @@ def open_store(path: Path, contents: Contents) -> SweepStore:
         UserError: no store, or one made by other settings, with the first difference.
     """
     group = _group(path)
-    was, now = _flat(dict(group.attrs)), _flat(contents.settings)
+    was, now = _flat({name: group.attrs[name] for name in contents.settings}), _flat(contents.settings)
     for name in sorted(was.keys() | now.keys()):
         if was.get(name) != now.get(name):
             raise UserError(name, f"{_shown(was.get(name))}, as {path} was made with", _shown(now.get(name)))
-    return SweepStore(group, contents, path)
+    return SweepStore(group, contents, path, inspect(group, _batched(group), contents.tile))
 
 
 def read_store(path: str | Path) -> xarray.Dataset:
@@ -174,20 +153,29 @@ def read_store(path: str | Path) -> xarray.Dataset:
     Raises:
         UserError: there is no sweep's store at the path.
     """
-    return _opened(_group(resolve_path(path, "store")).store)
+    place = resolve_path(path, "store")
+    group = _group(place)
+    try:
+        return _opened(group, inspect(group, _batched(group), int(str(group.attrs["tile"]))))
+    except Exception as error:  # whatever zarr and xarray make of a damaged file
+        raise UserError("store", "the store of a sweep", f"{place} ({error})") from None
 
 
 def values(data: xarray.DataArray) -> np.ndarray:
-    """The values (...) of a variable of a store, all read now.
-
-    Raises:
-        UserError: a chunk is corrupt.
-    """
+    """The values (...) of a variable of a store, all read now; what cannot be read is NaN or -1."""
     try:
         return data.values
-    except (RuntimeError, ValueError):
-        must = "readable (delete the file, and sweep --resume computes its tile again)"
-        raise UserError(f"{data.name}/c/{_corrupt_tile(data)} of the store", must, "corrupt") from None
+    except (OSError, RuntimeError, ValueError):
+        size = data.encoding["chunks"][0]
+        nothing = -1 if data.dtype.kind == "i" else np.nan
+        return np.concatenate([_readable(data[i : i + size], nothing) for i in range(0, len(data), size)])
+
+
+def _readable(data: xarray.DataArray, nothing: float) -> np.ndarray:
+    try:
+        return data.values
+    except (OSError, RuntimeError, ValueError):
+        return np.full(data.shape, nothing, data.dtype)
 
 
 def scenario_of(data: xarray.Dataset) -> Scenario:
@@ -200,64 +188,68 @@ def chunk_file(path: Path, name: str, tile: int, dimensions: int) -> Path:
     return path.joinpath(name, "c", str(tile), *["0"] * (dimensions - 1))
 
 
-def _corrupt_tile(data: xarray.DataArray) -> int | str:
-    size = data.encoding["chunks"][0]
-    for start in range(0, len(data), size):
-        try:
-            data[start : start + size].values  # noqa: B018 - reads the chunk
-        except (RuntimeError, ValueError):
-            return start // size
-    return "?"
-
-
-def _opened(store: Any) -> xarray.Dataset:
+def _opened(group: zarr.Group, batches: Batches) -> xarray.Dataset:
     import xarray
 
-    data = xarray.open_zarr(store, consolidated=False, chunks=None)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Object at .* is not recognized")  # what a file manager leaves in a folder
+        data = xarray.open_zarr(group.store, consolidated=False, chunks=None, drop_variables=[CHECKSUMS])
+    status = values(data.status)
+    status[~np.repeat(batches.whole, group.attrs["tile"])[: len(status)]] = -1
+    data["status"] = data.status.copy(data=status)
     # zarr lists arrays in any order; what every sample has comes first, for whoever looks at the data set.
-    return data[[*_BY_SAMPLE, *sorted(set(map(str, data.data_vars)) - set(_BY_SAMPLE))]]
+    data = data[[*BY_SAMPLE, *sorted(set(map(str, data.data_vars)) - set(BY_SAMPLE))]]
+    data.attrs["damaged"] = batches.damaged
+    return data
 
 
 def _group(path: Path) -> zarr.Group:
+    """The group at a path, all its arrays of the length it is to have.
+
+    Raises:
+        UserError: no store of a sweep, or one whose settings or coordinates are not as they were written.
+    """
+    writable = os.access(path, os.W_OK)
     try:
-        group = zarr.open_group(LocalStore(path), mode="r+" if os.access(path, os.W_OK) else "r")
-        if "sampling" in group.attrs:
+        group = zarr.open_group(LocalStore(path), mode="r+" if writable else "r")
+        settings = dict(group.attrs)
+        coordinates = {name: np.asarray(cast(zarr.Array, group[name])[:]) for name in COORDINATES}
+        if settings.get(FINGERPRINT) == fingerprint(settings, coordinates):
+            if writable:
+                _enlarge(group)
             return group
-        reason = "another zarr group"
+        reason = "another zarr group, or with damaged settings or coordinates"
     except FileNotFoundError:
         reason = "not there"
-    except (OSError, ValueError, KeyError) as error:
+    except Exception as error:  # whatever zarr makes of a damaged or foreign file
         reason = str(error)
     raise UserError("store", "the store of a sweep", f"{path} ({reason})")
 
 
-def _build(store: Any, contents: Contents, samples: int) -> zarr.Group:
-    coordinates = [f"{dim}_{what}" for dim in ("parameter", "metric") for what in ("unit", "meaning")]
-    group = zarr.create_group(store, attributes=contents.settings | {"coordinates": " ".join(coordinates)})
-    for dim, labels in (("parameter", contents.parameters), ("metric", contents.metrics)):
-        for name, texts in zip((dim, f"{dim}_unit", f"{dim}_meaning"), labels, strict=True):
-            group.create_array(name, data=np.array(texts, np.dtypes.StringDType()), dimension_names=(dim,))
-    times: dict[str, Any] = {"units": "s", "long_name": "time"}
-    group.create_array("t", data=contents.times, dimension_names=("t",), attributes=times)
-    for name, shape, array in _arrays(contents, samples):
-        chunks = (contents.tile, *shape[1:])
-        group.create_array(name, shape=shape, chunks=chunks, compressors=ZstdCodec(checksum=True), **array)
-    return group
+def _room(group: zarr.Group) -> int:
+    """Number of samples that a store is to have."""
+    return int(str(cast(zarr.Array, group[CHECKSUMS]).attrs["samples"]))
 
 
-def _arrays(contents: Contents, samples: int) -> Iterator[tuple[str, tuple[int, ...], dict[str, Any]]]:
-    """Name, shape and description of everything that is written tile by tile."""
-    reals = {"dtype": "float64", "fill_value": np.nan}
-    for name, labels in (("parameters", contents.parameters), ("metrics", contents.metrics)):
-        yield name, (samples, len(labels.names)), reals | {"dimension_names": ("sample", name[:-1])}
-    codes = {"dtype": "int8", "fill_value": -1, "dimension_names": ("sample",)}
-    yield "status", (samples,), codes | {"attributes": {"long_name": "code of Status; -1: not computed yet"}}
-    about = {"units": "s", "long_name": "time of failure"}
-    yield "status_time", (samples,), reals | {"dimension_names": ("sample",), "attributes": about}
-    for name, unit, meaning in zip(*contents.series, strict=True):
-        about = {"units": unit, "long_name": meaning}
-        shape = (contents.kept(samples), len(contents.times))
-        yield name, shape, reals | {"dimension_names": ("kept", "t"), "attributes": about}
+def _batched(group: zarr.Group) -> dict[str, zarr.Array]:
+    """Arrays that are written batch by batch, by name."""
+    with zarr.config.set({"array.write_empty_chunks": True}):  # else a batch of nothing but fill values has no file
+        return {name: cast(zarr.Array, group[name]) for name in (*BY_SAMPLE, *_series(group))}
+
+
+def _enlarge(group: zarr.Group) -> None:
+    """Give every array the length that ``_room`` says."""
+    samples, settings = _room(group), dict(group.attrs)
+    lengths = dict.fromkeys(BY_SAMPLE, samples) | dict.fromkeys(_series(group), min(settings["keep"], samples))
+    for name, length in (lengths | {CHECKSUMS: -(-samples // settings["tile"])}).items():
+        array = cast(zarr.Array, group[name])
+        if array.shape[0] < length:
+            array.resize((length, *array.shape[1:]))
+
+
+def _series(group: zarr.Group) -> list[str]:
+    """Names of the series that a store keeps."""
+    return cast(list[str], group.attrs["series"])
 
 
 def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -268,7 +260,7 @@ def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
             flat |= _flat(tomllib.loads(value), "")
         elif isinstance(value, Mapping):
             flat |= _flat(value, f"{prefix}{name}.")
-        elif name != "coordinates":
+        else:
             flat[f"{prefix}{name}"] = value
     return flat
 
