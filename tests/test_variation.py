@@ -10,8 +10,9 @@ from coopmm_jax.parameters import Features, Inertia
 from coopmm_jax.scenario import sampling
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import load_scenario
-from coopmm_jax.scenario.sections import requirements
+from coopmm_jax.scenario.sections.requirements import parse
 from coopmm_jax.scenario.variation import vary
+from coopmm_jax.sweeps.intervals import success
 
 FACTOR = {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}
 EACH = FACTOR | {"each": True}
@@ -226,14 +227,14 @@ def test_errors_name_the_requirement(given, message):
     ("text", "met"), [("<= 2", "TTF"), ("< 2", "TFF"), ("== 2", "FTF"), (">= 2", "FTT"), ("> 2.0", "FFT")]
 )
 def test_requirements_compare(text, met):
-    requirement = requirements.parse("force_min", text)
+    requirement = parse("force_min", text)
     values = np.array([1.0, 2.0, 3.0, np.nan])
     assert requirement.met(values).tolist() == [letter == "T" for letter in met] + [False]
 
 
 def test_clopper_pearson_interval_is_that_of_beta_quantiles():
-    interval = requirements.success(17, 20)
+    interval = success(17, 20)
     assert interval.estimate == 0.85
     assert interval.low == pytest.approx(stats.beta.ppf(0.025, 17, 4), rel=1e-9)
     assert interval.high == pytest.approx(stats.beta.ppf(0.975, 18, 3), rel=1e-9)
-    assert requirements.success(20, 20)[1:] == (pytest.approx(0.025 ** (1 / 20), rel=1e-9), 1.0)
+    assert success(20, 20)[1:] == (pytest.approx(0.025 ** (1 / 20), rel=1e-9), 1.0)

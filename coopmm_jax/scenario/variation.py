@@ -17,7 +17,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 import scipy.special
@@ -25,12 +25,11 @@ from pydantic import BaseModel
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Inertia, Parameters, Structure
+from coopmm_jax.scenario.base import BaseScenario
 from coopmm_jax.scenario.sections.uncertainty import Distribution, Entry
 from coopmm_jax.scenario.validation import closest, validate
 
-if TYPE_CHECKING:
-    from coopmm_jax.scenario.scenario import Scenario
-
+Varied = TypeVar("Varied", bound=BaseScenario)
 MASSES = "masses"  # plant.masses stands for all masses and inertias of the plant
 _EXCLUDED = ("simulation", "law", "gains", "uncertainty", "requirements")  # settings and design, not the world
 # The ends of what can be drawn: no sampler comes closer to 0 and 1.
@@ -57,10 +56,10 @@ class Number(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Variation:
+class Variation(Generic[Varied]):
     """Everything that varies in a scenario; make one with ``vary``."""
 
-    scenario: Scenario
+    scenario: Varied
     numbers: tuple[Number, ...]
 
     @property
@@ -101,7 +100,7 @@ class Variation:
         hardware = parameters.hardware._replace(noise_stream=np.array(indices, dtype=float))
         return jax.tree.map(lambda x: np.broadcast_to(x, len(indices)), parameters._replace(hardware=hardware))
 
-    def sample(self, index: int, values: dict[str, float]) -> Scenario:
+    def sample(self, index: int, values: dict[str, float]) -> Varied:
         """Scenario of one sample, complete and certain, from its index and its numbers (scalars) by name.
 
         Its masses and inertias of the controller's model are spelt out, so that they stay what they were.
@@ -125,7 +124,7 @@ class Variation:
                 pair[number.robot] = values[number.name]
         return changes
 
-    def _with(self, values: dict[str, Any]) -> Scenario:
+    def _with(self, values: dict[str, Any]) -> Varied:
         """Scenario with unchecked values, arrays among them."""
         changes: dict[str, dict[str, Any]] = {}
         for name, value in self._tables(values).items():
@@ -137,7 +136,7 @@ class Variation:
         return self.scenario.model_copy(update=sections)
 
 
-def vary(scenario: Scenario) -> Variation:
+def vary(scenario: Varied) -> Variation[Varied]:
     """Variation of a scenario, from its [uncertainty].
 
     Raises:
@@ -177,7 +176,7 @@ def _check_end(variation: Variation, end: float) -> None:
             raise UserError(f"uncertainty.{number.name}", must, number.base)
 
 
-def _numbers(scenario: Scenario, entry: Entry) -> list[Number]:
+def _numbers(scenario: BaseScenario, entry: Entry) -> list[Number]:
     """Numbers that one entry stands for."""
     if (entry.section, entry.field) == ("plant", MASSES):
         if not entry.distribution.relative:
@@ -187,7 +186,7 @@ def _numbers(scenario: Scenario, entry: Entry) -> list[Number]:
     return _of_field(scenario, entry, entry.field)
 
 
-def _of_field(scenario: Scenario, entry: Entry, field: str) -> list[Number]:
+def _of_field(scenario: BaseScenario, entry: Entry, field: str) -> list[Number]:
     section = entry.section
     value = _current(scenario, section, field)
     kind, law = type(getattr(scenario, section)), entry.distribution
@@ -205,7 +204,7 @@ def _of_field(scenario: Scenario, entry: Entry, field: str) -> list[Number]:
     return numbers
 
 
-def _current(scenario: Scenario, section: str, field: str) -> Any:
+def _current(scenario: BaseScenario, section: str, field: str) -> Any:
     """Value of a field: a number or a pair; of the controller's model too, where the plant gives it."""
     allowed = [name for name in type(scenario).model_fields if name not in (*_EXCLUDED, "description")]
     if section not in allowed:

@@ -13,8 +13,9 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.plotting import style
 from coopmm_jax.plotting.lines import TIME
-from coopmm_jax.scenario.sections.requirements import Requirement, success
+from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps import store
+from coopmm_jax.sweeps.intervals import success
 from coopmm_jax.sweeps.statistics import HIGH, LOW, Results, as_results, sensitivities, telling, worst_samples
 
 if TYPE_CHECKING:

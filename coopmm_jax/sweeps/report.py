@@ -15,8 +15,8 @@ import numpy as np
 
 from coopmm_jax.files import write_csv, write_json, write_text
 from coopmm_jax.metrics.table import METRICS
-from coopmm_jax.scenario.sections.requirements import Interval
 from coopmm_jax.status import Status
+from coopmm_jax.sweeps.intervals import Interval
 from coopmm_jax.sweeps.statistics import Results, outcomes, read_results, sensitivities, spread, telling
 
 if TYPE_CHECKING:

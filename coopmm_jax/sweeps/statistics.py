@@ -18,9 +18,10 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.metrics.table import LOW_IS_BAD, SHOWN
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario
-from coopmm_jax.scenario.sections.requirements import CONFIDENCE, Interval, Requirement, success
+from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.scenario.variation import vary
 from coopmm_jax.sweeps import store
+from coopmm_jax.sweeps.intervals import CONFIDENCE, Interval, success
 
 if TYPE_CHECKING:
     import xarray

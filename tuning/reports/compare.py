@@ -17,8 +17,8 @@ from scipy.stats import binomtest
 
 from coopmm_jax.files import write_csv, write_json, write_text
 from coopmm_jax.plotting.style import publish
-from coopmm_jax.scenario.sections.requirements import success
 from coopmm_jax.status import Status
+from coopmm_jax.sweeps.intervals import success
 from tuning.cost.objective import FAILED, TERMS
 from tuning.reports import compare_figures
 from tuning.studies.compare import ComparedGains

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from html import escape
 from typing import TYPE_CHECKING
 
-from coopmm_jax.scenario.sections.requirements import success
+from coopmm_jax.sweeps.intervals import success
 from tuning.studies.comparison import STATISTICS, ratio
 
 if TYPE_CHECKING:

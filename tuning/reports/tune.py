@@ -10,7 +10,8 @@ import numpy as np
 
 from coopmm_jax.files import write_json, write_text
 from coopmm_jax.plotting.style import publish
-from coopmm_jax.scenario.sections.requirements import Requirement, success
+from coopmm_jax.scenario.sections.requirements import Requirement
+from coopmm_jax.sweeps.intervals import success
 from tuning.cost.objective import TERMS
 from tuning.reports import tune_figures
 from tuning.studies.comparison import STATISTICS, Change, ratio

@@ -1,4 +1,4 @@
-"""Requirements on metrics: the section [requirements] of a scenario, and how surely a sweep meets them.
+"""The section [requirements] of a scenario: limits that metrics have to keep.
 
     [requirements]
     force_error_rms_late = "<= 2.0"
@@ -23,7 +23,6 @@ from coopmm_jax.scenario.fields import Section
 
 _OPERATORS = {"<=": operator.le, ">=": operator.ge, "==": operator.eq, "<": operator.lt, ">": operator.gt}
 _FORM = re.compile(rf"\s*({'|'.join(_OPERATORS)})\s*(\S+)\s*")
-CONFIDENCE = 0.95
 
 
 class Requirement(NamedTuple):
@@ -67,14 +66,6 @@ class RequirementsSection(Section, extra="allow"):
         return tuple(parse(metric, text) for metric, text in self.__pydantic_extra__.items())
 
 
-class Interval(NamedTuple):
-    """An estimate with its confidence interval."""
-
-    estimate: float
-    low: float
-    high: float
-
-
 def parse(metric: str, text: Any) -> Requirement:
     """One line of the section.
 
@@ -93,15 +84,3 @@ def parse(metric: str, text: Any) -> Requirement:
         must = f'one of {", ".join(_OPERATORS)} and a number, as in "<= 2.0"'
         raise UserError(metric, must, f'"{text}"' if isinstance(text, str) else text)
     return Requirement(metric, match[1], limit)
-
-
-def success(passed: int, samples: int) -> Interval:
-    """Success probability with its Clopper-Pearson interval, which covers the truth at least 95 % of the time.
-
-    >>> success(10, 10).low > 0.69
-    True
-    """
-    from scipy.stats import binomtest
-
-    interval = binomtest(passed, samples).proportion_ci(CONFIDENCE, method="exact")
-    return Interval(passed / samples, float(interval.low), float(interval.high))

@@ -1,0 +1,165 @@
+"""All sections of a scenario as one, and what they become: the pytrees of ``parameters.py``.
+
+>>> BaseScenario().parameters().gains.K_lambda
+(0.3, 0.3, 0.3, 0.3)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any, Self
+
+import tomli_w
+from pydantic import model_validator
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.parameters import (
+    Disturbance,
+    Geometry,
+    Inertia,
+    Parameters,
+    Plant,
+    Pose,
+    Reference,
+    Structure,
+    Surface,
+)
+from coopmm_jax.scenario.overrides import merged
+from coopmm_jax.scenario.sections.controller import (
+    GainsSection,
+    LawSection,
+    NominalSection,
+    ReferenceSection,
+    full_gains,
+)
+from coopmm_jax.scenario.sections.hardware import HardwareSections
+from coopmm_jax.scenario.sections.plant import CouplingSection, DisturbanceSection, InitialSection, PlantSection
+from coopmm_jax.scenario.sections.requirements import RequirementsSection
+from coopmm_jax.scenario.sections.simulation import SimulationSection
+from coopmm_jax.scenario.sections.tuning import TuningSection
+from coopmm_jax.scenario.sections.uncertainty import UncertaintySection
+from coopmm_jax.scenario.validation import closest, validate
+
+
+class BaseScenario(HardwareSections):
+    """Sections of a scenario, which fit together; immutable and hashable. The defaults are the paper's section IV."""
+
+    description: str = ""
+    simulation: SimulationSection = SimulationSection()
+    plant: PlantSection = PlantSection()
+    coupling: CouplingSection = CouplingSection()
+    nominal: NominalSection = NominalSection()
+    law: LawSection = LawSection()
+    gains: GainsSection = GainsSection()
+    disturbance: DisturbanceSection = DisturbanceSection()
+    reference: ReferenceSection = ReferenceSection()
+    initial: InitialSection = InitialSection()
+    uncertainty: UncertaintySection = UncertaintySection()
+    requirements: RequirementsSection = RequirementsSection()
+    tuning: TuningSection = TuningSection()
+
+    @property
+    def steps(self) -> int:
+        """Number of samples after the first: integration steps, or control periods where the loop is sampled."""
+        return round(self.simulation.duration / self.sample_time)
+
+    @property
+    def sample_time(self) -> float:
+        """Time between samples [s]: the integration step, or the control period where the loop is sampled."""
+        return self.loop.control_period or self.simulation.step
+
+    def with_overrides(self, changes: Mapping[str, Any]) -> Self:
+        """Copy with some fields changed: ``scenario.with_overrides({"gains.K_lambda": 2})``.
+
+        Args:
+            changes: nested tables, or dotted names, to values.
+
+        Raises:
+            UserError: an unknown field, or a value it cannot have.
+        """
+        return validate(type(self), merged(self.model_dump(exclude_none=True), changes))
+
+    def to_toml(self) -> str:
+        """Text of a scenario file that loads as an equal scenario, with every value spelt out."""
+        return tomli_w.dumps(self.model_dump(exclude_none=True))
+
+    def structure(self, varied: Collection[str] = ()) -> Structure:
+        """Choices that change the equations themselves.
+
+        Args:
+            varied: fields ("sensing.force_lag") that an uncertainty changes, whose effects must be in force.
+        """
+        law = self.law
+        return Structure(
+            self.coupling.rows,
+            law.robust_term,
+            law.u26,
+            law.feedforward,
+            substeps=self.loop.substeps(self.simulation),
+            force_delay=self.sensing.force_delay,
+            features=self.features(varied),
+        )
+
+    def parameters(self) -> Parameters:
+        """Everything numeric, as Python floats in the pytree that a rollout takes."""
+        return Parameters(
+            plant=self._plant(),
+            nominal=self._nominal(),
+            gains=full_gains(dict(self), len(self.coupling.rows)),
+            disturbance=Disturbance(**dict(self.disturbance)),
+            reference=self._reference(),
+            start=_per_robot(Pose, dict(self.initial)),
+            hardware=self.hardware(self.simulation.seed, self.simulation.stream),
+        )
+
+    def _plant(self) -> Plant:
+        values, coupling = dict(self.plant), self.coupling
+        surface = Surface(coupling.contact_radius, coupling.guide_radius, coupling.guide_height)
+        return Plant(_per_robot(Geometry, values), _inertias(values), surface, self.plant.gravity)
+
+    def _nominal(self) -> tuple[Inertia, Inertia]:
+        plant = {name: _scaled(getattr(self.plant, name), self.nominal.scale) for name in Inertia._fields}
+        given = {name: value for name, value in self.nominal if name != "scale" and value is not None}
+        return _inertias(plant | given)
+
+    def _reference(self) -> Reference:
+        pairs = {name: _spread(getattr(self.reference, name), 2) for name in ("radius", "arm_centre", "arm_swing")}
+        values: dict[str, Any] = dict(self.reference) | pairs
+        return Reference(**values)
+
+    @model_validator(mode="after")
+    def _whole_control_periods(self) -> Self:
+        self.loop.substeps(self.simulation)
+        return self
+
+    @model_validator(mode="after")
+    def _numbers_of_gains(self) -> Self:
+        full_gains(dict(self), len(self.coupling.rows))
+        return self
+
+    @model_validator(mode="after")
+    def _what_is_required_is_measured(self) -> Self:
+        for metric in self.requirements.__pydantic_extra__:
+            if metric not in METRICS:
+                must = f"a metric, as coopmm simulate --out writes them{closest(metric, METRICS)}"
+                raise UserError(f"requirements.{metric}", must, "unknown")
+        return self
+
+
+def _spread(value: Any, count: int) -> tuple[Any, ...]:
+    return value if isinstance(value, tuple) else (value,) * count
+
+
+def _scaled(value: Any, factor: float) -> Any:
+    return tuple(factor * entry for entry in value) if isinstance(value, tuple) else factor * value
+
+
+def _per_robot(kind: type, values: Mapping[str, Any]) -> tuple[Any, Any]:
+    """One ``kind`` for each robot, from numbers and pairs named as its fields."""
+    columns = [_spread(values[name], 2) for name in kind._fields]
+    return kind(*(first for first, _ in columns)), kind(*(second for _, second in columns))
+
+
+def _inertias(values: Mapping[str, Any]) -> tuple[Inertia, Inertia]:
+    return _per_robot(Inertia, {**values, "m_obj": (0.0, values["m_obj"])})  # robot II carries the object
