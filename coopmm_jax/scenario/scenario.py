@@ -28,7 +28,7 @@ class Scenario(BaseScenario):
     @model_validator(mode="after")
     def _what_varies_can(self) -> Self:
         if self.uncertainty.entries():
-            from coopmm_jax.scenario.variation import vary  # imports scipy, which few scenarios need
+            from coopmm_jax.scenario.variation import vary  # imports NumPy, which few scenarios need
 
             vary(self)
         return self

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
-import scipy.special
 from pydantic import BaseModel
 
 from coopmm_jax.errors import UserError
@@ -260,14 +259,16 @@ def _quantile(law: Distribution, u: Any) -> Any:
         return low * (high / low) ** u
     mean, std = law.moments()
     if law.distribution == "truncated_normal":
-        below, above = (float(scipy.special.ndtr((x - mean) / std)) for x in (low, high))
+        from scipy.special import ndtr  # as below: few scenarios need what takes long to import
+
+        below, above = (float(ndtr((x - mean) / std)) for x in (low, high))
         u = below + (above - below) * u
     return mean + std * _normal_quantile(u)
 
 
 def _normal_quantile(u: Any) -> Any:
     if isinstance(u, np.ndarray | np.floating):
-        return scipy.special.ndtri(u)
-    from jax.scipy.special import ndtri
-
+        from scipy.special import ndtri
+    else:
+        from jax.scipy.special import ndtri
     return ndtri(u)

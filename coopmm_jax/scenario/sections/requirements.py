@@ -4,18 +4,19 @@
     force_error_rms_late = "<= 2.0"
     contact_loss_fraction = "== 0"
 
+>>> import numpy as np
 >>> RequirementsSection.model_validate({"force_min": ">= 0"}).parsed()[0].met(np.array([1.0, -1.0]))
 array([ True, False])
 """
 
 from __future__ import annotations
 
+import math
 import operator
 import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from coopmm_jax.errors import UserError
@@ -77,10 +78,10 @@ def parse(metric: str, text: Any) -> Requirement:
     """
     match = _FORM.fullmatch(text) if isinstance(text, str) else None
     try:
-        limit = float(match[2]) if match else np.nan
+        limit = float(match[2]) if match else math.nan
     except ValueError:
-        limit = np.nan
-    if match is None or not np.isfinite(limit):
+        limit = math.nan
+    if match is None or not math.isfinite(limit):
         must = f'one of {", ".join(_OPERATORS)} and a number, as in "<= 2.0"'
         raise UserError(metric, must, f'"{text}"' if isinstance(text, str) else text)
     return Requirement(metric, match[1], limit)
