@@ -23,8 +23,8 @@ import coopmm_jax as cm
 _QUICK = "--xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1"
 _MASS = {"plant.masses": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}}
 # Small enough that one iteration is a matter of seconds, once its gradient has compiled.
-_TUNING = {"iterations": 1, "horizon": 0.1, "tracking_from": 0.03, "starts": 4, "race_samples": 2, "samples": 2}
-_TUNING |= {"survivors": 2, "validation_samples": 2, "test_samples": 2}
+_TUNING = {"tracking_from": 0.03, "starts": 4, "screening_samples": 2, "samples": 2, "budget": 0.01}
+_TUNING |= {"validation_samples": 2, "test_samples": 2}
 
 
 def digest(*arrays: Any) -> str:
@@ -50,13 +50,13 @@ def sweep(scenario: cm.Scenario) -> str:
 def gradient(scenario: cm.Scenario) -> str:
     """Digest of the cost of two samples over 0.1 s, and of its gradient by every tuned gain."""
     problem = _module("tuning.cost.problem", "tuning.problem").build_problem(_varied(scenario, 0.1, tuning=_TUNING))
-    return digest(*problem.training.slopes(problem.space.start[None], problem.samples(0, 2)))
+    return digest(*problem.cost.slopes(problem.space.start[None], problem.samples(0, 2)))
 
 
 def tuning(scenario: cm.Scenario) -> str:
     """Digest of the gains after one iteration."""
     tuned = import_module("tuning").tune(_varied(scenario, 0.1, tuning=_TUNING))
-    return digest(tuned.after, [row.validation for row in tuned.history])
+    return digest(tuned.after, [row.best for row in tuned.history])
 
 
 PARTS: dict[str, Callable[[cm.Scenario], str]] = {

@@ -34,7 +34,6 @@ SCENARIO = {
     "simulation": {"duration": HORIZON, "stream": 3},
     "uncertainty": UNCERTAINTY,
     "tuning": {
-        "horizon": HORIZON,
         "tracking_from": 0.03,
         "validation_samples": 4,
         "weights": dict.fromkeys(TERMS, 0.0) | {"force": 1.0},
@@ -45,7 +44,7 @@ STEP = 1e-5  # of central differences
 
 def gradients(problem):
     """By reverse mode, by one-sided and by central differences, of all terms at two points, one of them at an end."""
-    search = dataclasses.replace(problem.training, coefficients=np.full(len(TERMS), 1e-2))
+    search = dataclasses.replace(problem.cost, coefficients=np.full(len(TERMS), 1e-2))
     landscape = SampleCost(search, problem.variation, problem.space.start)
     points = np.array([[0.3, 0.6, 0.8, 0.4, 0.1], [0.9, 0.2, 0.5, 0.7, 0.95]])
     moved = points[:, None, None] + STEP * np.array([1.0, -1.0])[:, None, None] * np.eye(5)  # (points, signs, D, D)
@@ -65,7 +64,7 @@ def replayed(found, problem, folder):
     run = cm.simulate(cm.load_scenario(path))
     contact = run.rows.index("contact_normal")
     error = run.constraint_force[:, contact] - run.constraint_force_desired[contact]
-    return float(np.mean(error**2) * problem.training.coefficients[list(TERMS).index("force")])
+    return float(np.mean(error**2) * problem.cost.coefficients[list(TERMS).index("force")])
 
 
 def main():
@@ -75,7 +74,7 @@ def main():
     problem = build_problem(scenario)
     found, again = (falsify(scenario, 80, 16) for _ in range(2))
     worst = worst_samples(problem, problem.space.start, 3, 80, 16)
-    landscape = SampleCost(problem.training, problem.variation, problem.space.start)
+    landscape = SampleCost(problem.cost, problem.variation, problem.space.start)
     results = gradients(problem) | {
         "cost": found.cost,
         "nominal_cost": found.nominal_cost,
@@ -86,7 +85,7 @@ def main():
         "random": float(module.random_costs(problem, 80).max()),
         "spent": [found.rollouts, found.steps],
         "numbers": found.numbers,
-        "worst": module.costs(problem.training, landscape.vector, worst).tolist(),
+        "worst": module.costs(problem.cost, landscape.vector, worst).tolist(),
     }
     module.DIFFERENCES = 0
     results["by_reverse"] = falsify(scenario, 80, 16, problem).cost

@@ -20,7 +20,7 @@ import jax
 
 from coopmm_jax import cli, runtime
 from experiments import readme_media
-from experiments.benchmarks import falsify, gradients, loops, rollout, sweep, tuner_problem, tuners
+from experiments.benchmarks import falsify, gradients, loops, rollout, sweep, tuners
 
 VALUE = re.compile(r"^(\S.*?) +# (-?\d+(?:\.\d+)?) ")  # a line of Python with what it is said to give
 
@@ -38,10 +38,8 @@ def make_experiments_small():
     sweep.FIRST = sweep.SCALE = sweep.SHORT_FIRST = sweep.FEW = sweep.MANY = sweep.Case(16, 0.1)
     sweep.measure = functools.cache(sweep.measure)
     falsify.HORIZON = 0.02
-    tuner_problem.DURATION, tuner_problem.ROBOTS, tuners.ROBOTS = 0.02, 4, 4
-    tuners.PROBLEMS = {"shared": ("4 shared gains", 3)}
+    tuners.DURATION = 0.02
     gradients._reverse = functools.partial(gradients._differences, step=1e-4)  # the gradient takes half a minute
-    tuners._compile = lambda search, robots: (tuner_problem.Clock(0.0, 0.0),) * 2  # likewise
 
 
 def _traced(name, precision, elements, steps, function, *arguments):

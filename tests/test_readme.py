@@ -17,7 +17,7 @@ from tests import readme_worker, tuning_worker
 
 ROOT = Path(__file__).parent.parent
 SHORT = ["--simulation.duration", "0.1"]
-FEW = {"starts": 2, "survivors": 1, "iterations": 1, "steps": 1, "samples": 2, "race-samples": 2, "test-samples": 4}
+FEW = {"starts": 4, "samples": 2, "screening-samples": 2, "test-samples": 4, "budget": 0.02}
 # The loop and the gains of test_tuning_rollouts.py, whose compiled gradient this shares.
 TUNING = {name: value for name, value in tuning_worker.SCENARIO["tuning"].items() if name != "weights"}
 SHORT_TUNING = [
@@ -50,7 +50,9 @@ SMALL = {
     "python -m experiments.benchmarks.sweep": [],
     "python -m experiments.benchmarks.gradients": ["--duration", "0.1"],
     "python -m experiments.benchmarks.falsify": shlex.split("--samples 700 --seeds 1"),
-    "python -m experiments.benchmarks.tuners": shlex.split("--problems shared --tuners nelder_mead --seeds 1"),
+    "python -m experiments.benchmarks.tuners": shlex.split(
+        "--problems shared --tuners coopmm nelder_mead --seeds 1 --seconds 0.5"
+    ),
 }
 MAKE = ("make demo", "make test")
 

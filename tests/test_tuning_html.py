@@ -5,7 +5,8 @@ import numpy as np
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.status import Status
 from tuning.studies.comparison import Comparison
-from tuning.studies.tune import Row, TuningResult
+from tuning.studies.margins import Margin
+from tuning.studies.result import Row, TuningResult
 
 
 def test_html_tells_costs_requirements_and_gains():
@@ -14,9 +15,11 @@ def test_html_tells_costs_requirements_and_gains():
     status = np.array([[Status.OK] * 4, [Status.OK] * 3 + [Status.SPEED]])
     costs = np.array([[4.0, 2.0, 2.0, 4.0], [2.0, 1.0, 1.0, 2.0]])
     comparison = Comparison(costs, np.ones((2, 4, 9)), metrics, status, np.zeros(1), {})
-    history = [Row(i, 1.0, 1.0, 1.0, 0, 0.0) for i in range(3)]
+    history = [Row(i, "searching", 1.0, 1.0, 0, 0, 0.0) for i in range(3)]
     scenario = load_scenario("paper", **changes)
-    result = TuningResult(scenario, ["K_a", "k1"], np.array([1.0, 180.0]), np.array([2.5, 90.0]), history, comparison)
+    margins = [Margin(name, 1.0, 0.5, 2.0, "cost", "free") for name in ("K_a", "k1")]
+    before, after = np.array([1.0, 180.0]), np.array([2.5, 90.0])
+    result = TuningResult(scenario, ["K_a", "k1"], before, after, comparison, margins, [], history)
     page = result._repr_html_()
     assert "<b>TuningResult: 2 numbers, 2 iterations, 4 untouched samples</b><br>&lt;b&gt;a &amp; b" in page
     assert "<td>cost, mean</td><td>3</td><td>1.5</td><td>ratio 0.5 to 0.5 (95 %)</td>" in page

@@ -19,14 +19,13 @@ from tuning.cost.problem import build_problem
 HORIZON = 0.1  # [s]
 # Every gain that can be tuned, in a loop where each matters: limits of which the start asks more.
 SCENARIO = {
-    "law": {"delta_floor": 0.95, "feedforward": "projected"},  # the floor above delta(t), a dip of the contact force
+    "law": {"delta_floor": 0.953, "feedforward": "projected"},  # the floor above delta(t), a dip of the contact force
     "actuators": {"wheel_limit": 25.0, "joint_limit": 15.0},
     "simulation": {"duration": HORIZON},
     "uncertainty": {"disturbance.scale": {"distribution": "uniform", "low": 1.0, "high": 4.0}},
     "tuning": {
         "gains": list(Bounds.model_fields),
         "channels": "shared",
-        "horizon": HORIZON,
         "tracking_from": 0.03,
         "validation_samples": 4,
         "weights": dict.fromkeys(TERMS, 1.0),
@@ -39,7 +38,7 @@ def main():
     """Print gradient and central differences (n,), one candidate's costs alone and among eight others, and names."""
     start_worker()
     problem = build_problem(load_scenario("sensed", **SCENARIO))
-    search, space, samples = problem.training, problem.space, problem.samples(5, 4)
+    search, space, samples = problem.cost, problem.space, problem.samples(5, 4)
     start = space.start
     costs, gradients = evaluate.gradients(search.objective, start[None], samples, search.coefficients)
     moved = np.concatenate([start + sign * STEP * np.eye(space.size) for sign in (1, -1)])

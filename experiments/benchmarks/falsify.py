@@ -3,7 +3,7 @@
     python -m experiments.benchmarks.falsify [--out results/benchmarks] [--samples 4096] [--seeds 5]
 
 On ``sensed`` with its own two uncertain numbers, and with 27 of them. A seed decides the random samples, the starts of
-the climbs and the samples that scale the cost. Rollouts of a gradient count as simulated, and all take tuning.horizon.
+the climbs and the samples that scale the cost. Rollouts of a gradient count as simulated, and all take 3 s.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def scenario(uncertainty: dict[str, Any] | None, seed: int) -> Scenario:
     tables = load_scenario("sensed").model_dump(exclude_none=True)
     if uncertainty is not None:
         tables["uncertainty"] = uncertainty
-    settings = {"horizon": HORIZON, "tracking_from": min(0.5 * HORIZON, tables["tuning"]["tracking_from"])}
+    settings = {"tracking_from": min(0.5 * HORIZON, tables["tuning"]["tracking_from"])}
     changes = {"simulation.duration": HORIZON, "simulation.seed": seed}
     return Scenario.model_validate(tables).with_overrides(changes | {"tuning": settings})
 

@@ -23,7 +23,7 @@ from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.sections.tuning import Bounds
 from tuning.cost import evaluate
 from tuning.cost.problem import build_problem
-from tuning.search.method import Search
+from tuning.cost.robust_cost import RobustCost
 
 LIMIT = 1e-5  # relative, of each gain's derivative
 STEPS = (3e-3, 1e-3, 3e-4, 1e-4)
@@ -39,10 +39,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     runtime.use_fast_compilation()
     jax.config.update("jax_enable_x64", True)
-    search, names, samples = _problem(options.duration)
-    start = search.objective.space.start
-    reverse = _reverse(search, start, samples)
-    central = np.stack([_differences(search, start, samples, step) for step in STEPS])
+    cost, names, samples = _problem(options.duration)
+    start = cost.objective.space.start
+    reverse = _reverse(cost, start, samples)
+    central = np.stack([_differences(cost, start, samples, step) for step in STEPS])
     errors = np.min(np.abs(central / reverse - 1.0), axis=0)
     options.out.mkdir(parents=True, exist_ok=True)
     with (options.out / "gradients.csv").open("w", newline="", encoding="utf-8") as file:
@@ -55,23 +55,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     return int(errors.max() > LIMIT)
 
 
-def _problem(duration: float) -> tuple[Search, tuple[str, ...], evaluate.Samples]:
+def _problem(duration: float) -> tuple[RobustCost, tuple[str, ...], evaluate.Samples]:
     """Cost over the whole run, gains, and one sample."""
-    settings = {"gains": list(Bounds.model_fields), "channels": "shared", "horizon": duration}
+    settings = {"gains": list(Bounds.model_fields), "channels": "shared"}
     settings |= {"tracking_from": 0.0, "validation_samples": 1}
     problem = build_problem(load_scenario("sensed", simulation={"duration": duration}, tuning=settings))
-    return problem.training, problem.space.names, problem.samples(0, 1)
+    return problem.cost, problem.space.names, problem.samples(0, 1)
 
 
-def _reverse(search: Search, start: np.ndarray, samples: evaluate.Samples) -> np.ndarray:
+def _reverse(cost: RobustCost, start: np.ndarray, samples: evaluate.Samples) -> np.ndarray:
     """Derivative by every number (n,), by reverse mode."""
-    return evaluate.gradients(search.objective, start[None], samples, search.coefficients)[1][0, 0]
+    return evaluate.gradients(cost.objective, start[None], samples, cost.coefficients)[1][0, 0]
 
 
-def _differences(search: Search, start: np.ndarray, samples: evaluate.Samples, step: float) -> np.ndarray:
+def _differences(cost: RobustCost, start: np.ndarray, samples: evaluate.Samples, step: float) -> np.ndarray:
     """Derivative by every number (n,), by differences."""
     moved = start + step * (OFFSETS[:, None, None] * np.eye(start.size)).reshape(-1, start.size)
-    costs = search.values(moved, samples).reshape(len(OFFSETS), start.size)
+    costs = cost.values(moved, samples).reshape(len(OFFSETS), start.size)
     return WEIGHTS @ costs / step
 
 

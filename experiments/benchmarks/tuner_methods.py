@@ -1,129 +1,171 @@
-"""Tuners that are compared: every one is given a meter, the training robots and a seed, and notes its best gains.
+"""The tuners that are compared: each is given a meter and a seed, and notes its best gains until time is up.
 
-All search the same unconstrained numbers (see ``tuning.cost.gain_space``), from the same Sobol points between the same
-bounds; those that end before the budget does begin again from the next point. Our own draws robots as ``coopmm tune``
-does.
+All begin at the best of the same 256 Sobol points, on the same batches; those that end before their time begin again at
+the next best. Ours draws robots anew for every generation; the others minimise over one fixed Sobol set of 16, which is
+what a library's function wants.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import optimize
 
-from experiments.benchmarks.tuner_problem import OWN, Meter, samples
-from tuning.cost.evaluate import Samples
-from tuning.search import method
-from tuning.search.method import Candidate
+from tuning.cost.problem import SCREENING, Problem
+from tuning.search.stages import plan
+from tuning.studies.result import Row
+from tuning.studies.tune import Driver
 
-Tuner = Callable[[Meter, Samples, int], None]
-# STARTS serves the local methods too. The rest is ours, for a budget smaller than what the defaults of [tuning] are
-# meant for: half the batch elements, half the steps.
-STARTS, RACE, SURVIVORS, LANES, STEPS, VALIDATION = 64, 4, 4, 32, 2, 16
-_DIFFERENCE = 1e-4  # step of finite differences, a factor on a gain
-_SPREAD = 1.5  # first standard deviation of CMA-ES: a factor of 4.5 on a gain
-
-
-class _Spent(Exception):
-    """Raised when the budget is used up, to leave a library's optimiser."""
+ROBOTS = 16  # of the fixed set
+FIXED = 1_000_000  # number of the first seed's fixed set, which no search draws
+BATCH = 8  # trials of Optuna at a time
+SPREAD = 0.5  # first standard deviation of CMA-ES: a factor of 1.6 on a gain
+PACE = 4.5e6  # simulated steps in a second: how far our search, which counts steps, plans to come
 
 
-def _costs(meter: Meter, robots: Samples) -> Callable[[np.ndarray], np.ndarray]:
-    """Function that gives the costs of candidates (C, n) on all training robots and notes the best so far."""
-    best = [np.inf]
+class Spent(Exception):
+    """Time is up: how to leave a library's optimiser."""
 
-    def costs(vectors: np.ndarray) -> np.ndarray:
-        if meter.spent:
-            raise _Spent
-        found = meter.values(vectors, robots)
-        if found.min() < best[0]:
-            best[0] = float(found.min())
-            meter.note(vectors[int(found.argmin())])
+
+class Improvement(NamedTuple):
+    """The best gains of a run so far, and when they were known."""
+
+    seconds: float
+    vector: np.ndarray  # (n,)
+
+
+@dataclass
+class Meter:
+    """The problem, and a clock."""
+
+    problem: Problem
+    seconds: float  # that a tuner has
+    seed: int
+    began: float = field(default_factory=time.monotonic)
+    trail: list[Improvement] = field(default_factory=list)
+    best: float = np.inf
+
+    @property
+    def taken(self) -> float:
+        """Time since the beginning [s]."""
+        return time.monotonic() - self.began
+
+    @property
+    def robots(self) -> object:
+        """The fixed set of this seed."""
+        return self.problem.drawn(ROBOTS, FIXED + self.seed)
+
+    def costs(self, vectors: np.ndarray) -> np.ndarray:
+        """Costs (C,) of vectors (C, n) on the fixed set."""
+        found = self.problem.costs(vectors, self.robots)
+        self._note(vectors, found)
         return found
 
-    return costs
+    def slope(self, vector: np.ndarray) -> tuple[float, np.ndarray]:
+        """Cost of a vector (n,) on the fixed set, and its exact gradient (n,)."""
+        (value,), (slope,) = self.problem.slopes(vector[None], self.robots)
+        self._note(vector[None], np.array([value]))
+        return float(value), slope
+
+    def note(self, vector: np.ndarray) -> None:
+        """Take a vector (n,) for the best from here on, unless time is up."""
+        if self.taken > self.seconds:
+            raise Spent
+        self.trail.append(Improvement(self.taken, np.array(vector)))
+
+    def starts(self) -> Iterable[np.ndarray]:
+        """The Sobol points, the best first, each (n,)."""
+        settings = self.problem.scenario.tuning
+        points = self.problem.space.starts(settings.starts, self.seed)
+        costs = self.problem.costs(points, self.problem.drawn(settings.screening_samples, SCREENING))
+        self.note(points[np.argmin(costs)])
+        return points[np.argsort(costs, kind="stable")]
+
+    def _note(self, vectors: np.ndarray, costs: np.ndarray) -> None:
+        if self.taken > self.seconds:
+            raise Spent
+        if costs.min() < self.best:
+            self.best = float(costs.min())
+            self.note(vectors[int(costs.argmin())])
 
 
-def _local(minimise: Callable[[Callable, np.ndarray], object]) -> Tuner:
-    """Tuner from a local method, begun again and again: from the starting gains with seed 0, else from Sobol points."""
+Tuner = Callable[[Meter], None]
 
-    def tuner(meter: Meter, robots: Samples, seed: int) -> None:
-        costs = _costs(meter, robots)
-        for start in meter.search.objective.space.starts(STARTS, seed)[min(seed, 1) :]:
-            try:
-                minimise(costs, start)
-            except _Spent:
-                return
+
+def coopmm(meter: Meter) -> None:
+    """``coopmm tune`` with its defaults."""
+    scenario = meter.problem.scenario
+    budget = {"tuning.budget": PACE * meter.seconds / 1e6, "simulation.seed": meter.seed}
+    problem = replace(meter.problem, scenario=scenario.with_overrides(budget))
+    run = Driver(None, problem, None, lambda name: None).begin()
+    meter.note(run.vectors[0])
+
+    def told(row: Row) -> None:
+        if not np.array_equal(run.vectors[0], meter.trail[-1].vector):
+            meter.note(run.vectors[0])
+
+    chosen = plan(problem.scenario.tuning, meter.seed)
+    Driver(None, problem, told, lambda name: None).search(run, chosen, meter.seconds - meter.taken)
+
+
+def cma_es(meter: Meter) -> None:
+    """CMA-ES of the package ``cma``."""
+    import cma
+
+    low, high = meter.problem.low, meter.problem.high
+    for start in meter.starts():
+        options = {"seed": meter.seed + 1, "verbose": -9, "bounds": [low, high], "popsize": 16}
+        strategy = cma.CMAEvolutionStrategy(np.clip(start, low + 1e-9, high - 1e-9), SPREAD, options)
+        while not strategy.stop():
+            population = np.array(strategy.ask())
+            strategy.tell(population, list(meter.costs(population)))
+
+
+def optuna_tpe(meter: Meter) -> None:
+    """Optuna's tree-structured Parzen estimator, eight trials at a time."""
+    import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    problem = meter.problem
+    bounds = list(zip(problem.names, problem.low, problem.high, strict=True))
+    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=meter.seed, constant_liar=True))
+    for start in list(meter.starts())[:BATCH]:
+        study.enqueue_trial(dict(zip(problem.names, start.tolist(), strict=True)))
+    while True:
+        trials = [study.ask() for _ in range(BATCH)]
+        vectors = [[trial.suggest_float(*bound) for bound in bounds] for trial in trials]
+        for trial, cost in zip(trials, meter.costs(np.array(vectors)), strict=True):
+            study.tell(trial, float(cost))
+
+
+def _local(minimise: Callable[[Meter, np.ndarray], object]) -> Tuner:
+    """A local method, begun again and again."""
+
+    def tuner(meter: Meter) -> None:
+        for start in meter.starts():
+            minimise(meter, start)
 
     return tuner
 
 
-def _nelder_mead(costs: Callable, start: np.ndarray) -> None:
-    simplex = np.concatenate([start[None], start + np.eye(start.size)])
+def _nelder_mead(meter: Meter, start: np.ndarray) -> None:
+    simplex = np.concatenate([start[None], start + 0.5 * np.eye(start.size)])
     options = {"initial_simplex": simplex, "adaptive": True, "maxfev": 100_000, "maxiter": 100_000}
-    optimize.minimize(lambda x: costs(x[None])[0], start, method="Nelder-Mead", options=options)
+    optimize.minimize(lambda x: meter.costs(x[None])[0], start, method="Nelder-Mead", options=options)
 
 
-def _powell(costs: Callable, start: np.ndarray) -> None:
-    optimize.minimize(lambda x: costs(x[None])[0], start, method="Powell")
+def _powell(meter: Meter, start: np.ndarray) -> None:
+    bounds = list(zip(meter.problem.low, meter.problem.high, strict=True))
+    optimize.minimize(lambda x: meter.costs(x[None])[0], start, method="Powell", bounds=bounds)
 
 
-def _lbfgs(costs: Callable, start: np.ndarray) -> None:
-    def cost_and_slope(x: np.ndarray) -> tuple[float, np.ndarray]:
-        middle, *ahead = costs(np.concatenate([x[None], x + _DIFFERENCE * np.eye(x.size)]))
-        return middle, (np.array(ahead) - middle) / _DIFFERENCE
-
-    optimize.minimize(cost_and_slope, start, method="L-BFGS-B", jac=True)
-
-
-def cma_es(meter: Meter, robots: Samples, seed: int) -> None:
-    """CMA-ES from the starting gains, again with twice the population where it stops early."""
-    import cma
-
-    costs, size = _costs(meter, robots), None
-    while not meter.spent:
-        options = {"seed": seed + 1, "verbose": -9} | ({} if size is None else {"popsize": size})
-        strategy = cma.CMAEvolutionStrategy(meter.search.objective.space.start, _SPREAD, options)
-        size = 2 * strategy.popsize
-        while not (strategy.stop() or meter.spent):
-            population = strategy.ask()
-            strategy.tell(population, list(costs(np.array(population))))
-
-
-def optuna_tpe(meter: Meter, robots: Samples, seed: int) -> None:
-    """Optuna's tree-structured Parzen estimator, the starting gains first."""
-    import optuna
-
-    optuna.logging.set_verbosity(optuna.logging.ERROR)
-    space, costs = meter.search.objective.space, _costs(meter, robots)
-    reach = np.array(space.high) - np.array(space.low)  # two per cent short of the bounds, as the Sobol points
-    names = space.labels()
-    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed))
-    study.enqueue_trial(dict(zip(names, space.start.tolist(), strict=True)))
-    while not meter.spent:
-        trial = study.ask()
-        x = np.array([trial.suggest_float(name, -r, r) for name, r in zip(names, reach, strict=True)])
-        study.tell(trial, float(costs(x[None])[0]))
-
-
-def coopmm(meter: Meter, robots: Samples, seed: int) -> None:
-    """``coopmm tune``'s race and descent, on robots of its own instead of the training set."""
-    lbfgs, fixed = method.LBFGS(), samples(OWN + RACE, VALIDATION, seed + 1)
-    starts = meter.search.objective.space.starts(STARTS, seed)
-    survivors = method.race(meter, starts, samples(OWN, RACE, seed + 1), SURVIVORS)
-    meter.note(survivors[0])
-    candidates = [Candidate(vector, lbfgs.start(vector)) for vector in survivors]
-    best, first = np.inf, OWN + RACE + VALIDATION
-    while not meter.spent:
-        drawn = samples(first, LANES // len(candidates), seed + 1)
-        first += LANES
-        candidates, _, _ = method.descend(meter, lbfgs, candidates, drawn, STEPS)
-        found = meter.values(np.stack([c.vector for c in candidates]), fixed)
-        candidates = method.better_half(candidates, found)
-        if found.min() < best:
-            best = float(found.min())
-            meter.note(candidates[0].vector)
+def _lbfgs(meter: Meter, start: np.ndarray) -> None:
+    bounds = list(zip(meter.problem.low, meter.problem.high, strict=True))
+    optimize.minimize(meter.slope, start, method="L-BFGS-B", jac=True, bounds=bounds)
 
 
 TUNERS: dict[str, Tuner] = {
@@ -131,6 +173,6 @@ TUNERS: dict[str, Tuner] = {
     "cma_es": cma_es,
     "nelder_mead": _local(_nelder_mead),
     "powell": _local(_powell),
-    "lbfgs_differences": _local(_lbfgs),
     "optuna_tpe": optuna_tpe,
+    "lbfgs_exact": _local(_lbfgs),
 }

@@ -25,7 +25,7 @@ def add(commands: Subparsers) -> None:
         "falsify",
         help="search a scenario's uncertainty for the sample that hurts most",
         usage=f"coopmm falsify SCENARIO {OVERRIDES} [--rollouts N] [--out FILE.toml] [options]",
-        epilog="What is searched for is the highest cost of [tuning] over tuning.horizon, or a rollout that fails. "
+        epilog="What is searched for is the highest cost, as coopmm tune reports it, or a rollout that fails. "
         "coopmm simulate --help lists the overrides.",
         allow_abbrev=False,
     )

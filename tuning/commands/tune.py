@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import math
+import shlex
+import sys
 from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
@@ -33,6 +36,9 @@ def add(commands: Subparsers) -> None:
     parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
     parser.add_argument("--gains-file", metavar="FILE", help="start from the gains that another tuning wrote")
     parser.add_argument("--out", metavar="DIR", default="tuned", help="folder for all results (default tuned)")
+    parser.add_argument(
+        "--time-budget", metavar="SECONDS", type=float, help="end the search after that long; --resume goes on"
+    )
     parser.add_argument("--resume", action="store_true", help="go on with the run in DIR, with the same settings")
     parser.add_argument("--pareto", metavar="K", type=int, help="tune K weightings between quality and effort at once")
     parser.add_argument(
@@ -40,7 +46,7 @@ def add(commands: Subparsers) -> None:
         action="store_true",
         help=f"train on the worst samples too that are found on the way, short for --tuning.adversaries {ADVERSARIES}",
     )
-    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
+    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True, sweeps=True)
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
@@ -58,23 +64,26 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     scenario = load_scenario(options.scenario, **changes)
     if options.pareto is not None:
         return _front(scenario, options)
-    from tqdm import tqdm  # this and the next two are slow to import
+    from tuning.commands.progress import Progress
+    from tuning.reports.tune import table, write_report  # slow to import, as the next
+    from tuning.studies.state import SETTINGS
+    from tuning.studies.tune import tune
 
-    from tuning.reports.tune import table, write_report
-    from tuning.studies.tune import Row, tune
-
-    with tqdm(total=scenario.tuning.iterations, unit="iteration", disable=None) as bar:
-
-        def show(row: Row) -> None:
-            bar.update(row.iteration - bar.n)
-            bar.set_postfix({"risk": f"{row.validation:.4g}", "best": f"{row.best:.4g}"})
-            if row.rejected:
-                bar.write(f"iteration {row.iteration}: {row.rejected} steps rejected, the next ones reach half as far")
-
-        result = tune(scenario, out=options.out, resume=options.resume, progress=show)
+    shown = Progress(1e6 * scenario.tuning.budget)
+    limit = math.inf if options.time_budget is None else options.time_budget
+    again = shlex.join(
+        ["coopmm", "tune", str(resolve_path(options.out, "--out") / SETTINGS), "--out", str(options.out), "--resume"]
+    )
+    try:
+        result = tune(scenario, options.out, options.resume, shown.row, shown.stage, limit)
+    except KeyboardInterrupt:
+        print(f"\ngo on by {again}", file=sys.stderr)
+        raise
     with result_folder(options.out) as folder:
         write_report(folder, result)
     print(table(result), end="")
+    if result.resumable:
+        print(f"go on by {again}")
     print(f"written to {options.out}; use the gains by coopmm simulate SCENARIO --gains-file {options.out}/gains.toml")
     return DONE
 
@@ -85,26 +94,15 @@ def _front(scenario: Scenario, options: argparse.Namespace) -> int:
         raise UserError("--resume", "left out where --pareto is given", "given")
     if scenario.tuning.adversaries:
         raise UserError("tuning.adversaries", "0 where --pareto is given", scenario.tuning.adversaries)
-    from tqdm import tqdm  # this and the next two are slow to import
-
-    from tuning.reports.pareto import check_folder, table, write_report
-    from tuning.studies.pareto import Round, tune_front
+    from tuning.commands.progress import Progress
+    from tuning.reports.pareto import check_folder, table, write_report  # slow to import, as the next
+    from tuning.studies.pareto import tune_front
 
     target = resolve_path(options.out, "--out")
-    with (
-        locked_folder(target),
-        tqdm(total=scenario.tuning.iterations, unit="iteration", disable=None) as bar,
-        result_folder(target) as folder,
-    ):
+    shown = Progress(1e6 * scenario.tuning.budget)
+    with locked_folder(target), result_folder(target) as folder:
         check_folder(target)
-
-        def show(row: Round) -> None:
-            bar.update(row.iteration - bar.n)
-            bar.set_postfix({"weightings improved": row.improved})
-            if row.rejected:
-                bar.write(f"iteration {row.iteration}: {row.rejected} steps rejected, the next ones reach half as far")
-
-        front = tune_front(scenario, options.pareto, progress=show)
+        front = tune_front(scenario, options.pareto, shown.row, shown.stage)
         write_report(folder, front)
     print(table(front), end="")
     print(f"written to {options.out}; compare gains by coopmm compare scenario {options.out}/gains_*.toml --scenario S")

@@ -15,7 +15,7 @@ from coopmm_jax.parameters import Parameters
 from coopmm_jax.sweeps.processes import concurrently, slots
 from tuning.cost.objective import FAILED, TERMS, Objective
 
-TILE = 32  # lanes: one core is fastest with 32 to 64, and the usual 4 candidates x 16 samples fill two cores
+TILE = 32  # lanes: one core is fastest with 32 to 64, and the usual 16 candidates x 4 samples fill two cores
 # What differentiates by a sample's numbers takes LLVM minutes to optimise, and is run a few times: without, it compiles
 # four times as fast and runs three times as slow.
 _UNOPTIMISED = {"xla_backend_optimization_level": 0}

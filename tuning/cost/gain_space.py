@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.stats import qmc
@@ -23,22 +22,20 @@ from coopmm_jax.scenario.sections.controller import GAINS
 if TYPE_CHECKING:
     from coopmm_jax.scenario.scenario import Scenario
 
-_MARGIN = 0.02  # share of the logarithmic range that Sobol points keep from either bound, where the map is flat
-
 
 @dataclass(frozen=True)
 class GainSpace:
     """The n numbers that are tuned and what they stand for; hashable.
 
-    A number x in R is u = a + (b - a) / (1 + exp(-4 x / (b - a))) and the gain exp(u) - offset: one unit of x is a
-    factor of e in the middle. The offset is 1 for K_lambda, which only has to exceed -1, and 0 for positive gains.
+    A number x stands for the gain exp(x) - offset: one unit of x is a factor of e. The offset is 1 for K_lambda, which
+    only has to exceed -1, and 0 for positive gains.
     """
 
     base: Gains  # the starting gains
     names: tuple[str, ...]  # of the tuned gains
     owner: tuple[int, ...]  # (n,) position in ``names`` of the gain that a number belongs to
-    low: tuple[float, ...]  # (n,) a = log(bound + offset)
-    high: tuple[float, ...]  # (n,) b
+    low: tuple[float, ...]  # (n,) log(bound + offset)
+    high: tuple[float, ...]  # (n,)
     shared: bool
 
     @property
@@ -50,13 +47,15 @@ class GainSpace:
     def start(self) -> np.ndarray:
         """The vector of the starting gains (n,)."""
         values = np.array([value for name in self.names for value in self._entries(name)])
-        low, high = np.array(self.low), np.array(self.high)
-        return _logit((np.log(values + self._offsets()) - low) / (high - low)) * (high - low) / 4.0
+        return np.log(values + self._offsets())
+
+    def inside(self, vectors: np.ndarray) -> np.ndarray:
+        """The nearest vectors (..., n) between the bounds."""
+        return np.clip(vectors, self.low, self.high)
 
     def values(self, vector: Any) -> Any:
         """The gains that n numbers stand for (n,), in their own units; differentiable."""
-        low, high = np.array(self.low), np.array(self.high)
-        return jnp.exp(low + (high - low) * jax.nn.sigmoid(4.0 * vector / (high - low))) - self._offsets()
+        return jnp.exp(vector) - self._offsets()
 
     def gains(self, vector: Any) -> Gains:
         """All gains, with the tuned ones from ``vector`` (n,)."""
@@ -77,11 +76,10 @@ class GainSpace:
         Entries of one gain are alike: with one coordinate per gain, few points cover the space well.
         """
         low, high = np.array(self.low), np.array(self.high)
-        inside = _MARGIN + (1.0 - 2.0 * _MARGIN) * fractions
-        return _logit(inside[..., list(self.owner)]) * (high - low) / 4.0
+        return low + (high - low) * fractions[..., list(self.owner)]
 
     def starts(self, count: int, seed: int) -> np.ndarray:
-        """Where a search begins (count, n): the starting gains, then scrambled Sobol points."""
+        """Vectors to begin a search at (count, n): the starting gains, then scrambled Sobol points."""
         engine = qmc.Sobol(len(self.names), scramble=True, rng=seed)
         points = engine.random_base2(max(0, (count - 1).bit_length()))[:count]
         return np.concatenate([self.start[None], self.spread(points)[1:]])
@@ -117,8 +115,8 @@ def gain_space(scenario: Scenario) -> GainSpace:
         if shared and len(set(entries)) > 1:
             raise UserError(f"gains.{name}", "one number where tuning.channels is shared", list(entries))
         for entry in entries:
-            if not bounds[0] < entry < bounds[1]:
-                must = f"bounds that the starting gain {entry:g} lies between"
+            if not bounds[0] <= entry <= bounds[1]:
+                must = f"bounds of a range that has the starting gain {entry:g}"
                 raise UserError(f"tuning.bounds.{name}", must, list(bounds))
         for _ in entries[:1] if shared else entries:
             owner.append(i)
@@ -129,7 +127,3 @@ def gain_space(scenario: Scenario) -> GainSpace:
 
 def _offset(name: str) -> float:
     return GAINS[name].offset
-
-
-def _logit(fraction: np.ndarray) -> np.ndarray:
-    return np.log(fraction) - np.log1p(-fraction)

@@ -10,7 +10,7 @@ from coopmm_jax.sweeps.intervals import success
 from tuning.studies.comparison import STATISTICS, ratio
 
 if TYPE_CHECKING:
-    from tuning.studies.tune import TuningResult
+    from tuning.studies.result import TuningResult
 
 
 def page(result: TuningResult) -> str:

@@ -15,9 +15,10 @@ from coopmm_jax.sweeps.intervals import success
 from tuning.cost.objective import TERMS
 from tuning.reports import tune_figures
 from tuning.studies.comparison import STATISTICS, Change, ratio
+from tuning.studies.margins import RISE
 
 if TYPE_CHECKING:
-    from tuning.studies.tune import TuningResult
+    from tuning.studies.result import TuningResult
 
 
 def write_report(folder: Path, result: TuningResult) -> None:
@@ -25,6 +26,8 @@ def write_report(folder: Path, result: TuningResult) -> None:
     write_text(folder / "report.txt", table(result))
     content = {"costs": {name: change._asdict() for name, change in changes(result).items()}}
     content |= {"requirements": [_requirement(result, r) for r in result.scenario.requirements.parsed()]}
+    content |= {"margins": [margin._asdict() for margin in result.margins], "at_bounds": result.at_bounds}
+    content |= {"stopped": result.stopped}
     content |= {"gains": dict(zip(result.labels, np.stack([result.before, result.after], 1).tolist(), strict=True))}
     write_json(folder / "report.json", content)
     drawn = (tune_figures.convergence, tune_figures.gains, tune_figures.bands)
@@ -52,10 +55,26 @@ def table(result: TuningResult) -> str:
         rates = _requirement(result, requirement)["success"].items()
         parts = (f"{when} {p['estimate']:.3f} ({p['low']:.3f} to {p['high']:.3f})" for when, p in rates)
         lines.append(f"requirement {requirement}: success {', '.join(parts)}")
-    lines += ["", f"{'gain':16} {'before':>12} {'after':>12}"]
-    for label, before, after in zip(result.labels, result.before, result.after, strict=True):
-        lines.append(f"{label:16} {before:12.5g} {after:12.5g}")
+    lines += ["", *_gains(result), ""]
+    if result.at_bounds:
+        lines.append(f"at a bound of [tuning.bounds]: {', '.join(result.at_bounds)}")
+    if result.stopped:
+        lines.append(f"search ended: {result.stopped}")
     return "\n".join(lines) + "\n"
+
+
+def _gains(result: TuningResult) -> list[str]:
+    """Every tuned gain, and how far it may go alone."""
+    head = f"may be alone, until the cost rises by {RISE:.0%} or a robot fails (!)"
+    lines = [f"{'gain':16} {'before':>12} {'after':>12}   {head}"]
+    for before, margin in zip(result.before, result.margins, strict=True):
+        low, high = (_end(*end) for end in ((margin.low, margin.below), (margin.high, margin.above)))
+        lines.append(f"{margin.name:16} {before:12.5g} {margin.value:12.5g}   {low} to {high}")
+    return lines
+
+
+def _end(value: float, beyond: str) -> str:
+    return f"{value:.4g}" + {"free": " or beyond", "fails": "!", "cost": ""}[beyond]
 
 
 def _ratio(change: Change) -> str:

@@ -13,7 +13,7 @@ from coopmm_jax.plotting.style import legend, panels, pen, styled
 from coopmm_jax.sweeps.measure import SERIES
 
 if TYPE_CHECKING:
-    from tuning.studies.tune import TuningResult
+    from tuning.studies.result import TuningResult
 
 _BANDS = ("contact_force", "tracking_error", "object_error", "relative_tip_error")
 _LOW, _HIGH = 0.05, 0.95
@@ -21,14 +21,12 @@ _LOW, _HIGH = 0.05, 0.95
 
 @styled
 def convergence(result: TuningResult) -> Figure:
-    """Training and validation risk by iteration."""
+    """Risk by simulated steps: of each iteration's best candidate, and the lowest on the fixed samples so far."""
     figure, (axes,) = panels(None, [["risk"]], 3.0)
-    iterations = [row.iteration for row in result.history]
-    for i, name in enumerate(("training", "validation", "best")):
-        label = "best validation so far" if name == "best" else name
-        axes.semilogy(iterations, [getattr(row, name) for row in result.history], label=label, **pen(i))
-    axes.set(xlabel="iteration", ylabel="risk")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    steps = [row.steps / 1e6 for row in result.history]
+    axes.semilogy(steps, [row.training for row in result.history], label="best of an iteration", **pen(0))
+    axes.semilogy(steps, [row.best for row in result.history], label="lowest on the fixed samples", **pen(2))
+    axes.set(xlabel="simulated steps [million]", ylabel="cost")
     _plain_numbers(axes.yaxis)
     legend(axes)
     return figure

@@ -1,8 +1,4 @@
-"""The search: a race of Sobol starts on few samples, then local descent with curvature from several survivors at once.
-
-Measured on a cost with several valleys (4 shared gains): the race finds a good valley with the rollouts of one full
-evaluation, since few samples over a short horizon rank gains almost as the whole does; and L-BFGS with exact gradients
-by reverse mode then needs fewer rollouts than Gauss-Newton as soon as there are more than a handful of gains.
+"""Descents along exact gradients, with line search: L-BFGS on the host, and the optimisers of optax.
 
 >>> method("lbfgs", 0.1, "constant", None, 10).ladder[0]
 2.0
@@ -10,44 +6,20 @@ by reverse mode then needs fewer rollouts than Gauss-Newton as soon as there are
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
 import optax
 
 from coopmm_jax.errors import UserError
-from tuning.cost import evaluate
-from tuning.cost.evaluate import Samples
-from tuning.cost.objective import FAILED, Objective
-from tuning.cost.risk import Risk, weighted
+from tuning.cost.objective import FAILED
+
+if TYPE_CHECKING:
+    from tuning.search.stages import Trials
 
 PAIRS = 10  # of L-BFGS
 REACH = 1.0  # longest step of one number before the ladder: a factor of e on a gain
-
-
-@dataclass(frozen=True)
-class Search:
-    """What is minimised: the risk, over samples, of the cost."""
-
-    objective: Objective
-    coefficients: np.ndarray  # of the terms (9,), or one row for each candidate (C, 9)
-    risk: Risk
-
-    def values(self, vectors: np.ndarray, samples: Samples) -> np.ndarray:
-        """Risks (L,) of vectors (L, n); with coefficients of their own, each candidate has L / C of them in turn."""
-        rows = np.atleast_2d(self.coefficients)
-        rows = np.repeat(rows, len(vectors) // len(rows), axis=0)
-        costs = evaluate.evaluate(self.objective, vectors, samples).costs(rows[:, None, :])
-        return np.array([float(self.risk(row)) for row in costs])
-
-    def slopes(self, vectors: np.ndarray, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-        """Risk of each candidate (C,) and its gradient (C, n)."""
-        costs, gradients = evaluate.gradients(self.objective, vectors, samples, self.coefficients)
-        risks = [weighted(self.risk, row) for row in costs]
-        slopes = [np.sum(weights[:, None] * rows, axis=0) for (_, weights), rows in zip(risks, gradients, strict=True)]
-        return np.array([value for value, _ in risks]), np.array(slopes)
 
 
 class Pairs(NamedTuple):
@@ -112,7 +84,7 @@ class Optax:
         return memory
 
 
-def method(name: str, learning_rate: float, schedule: str, clip: float | None, steps: int) -> LBFGS | Optax:
+def method(name: str, learning_rate: float, decay: str, clip: float | None, steps: int) -> LBFGS | Optax:
     """The optimiser of [tuning].
 
     Args:
@@ -123,14 +95,14 @@ def method(name: str, learning_rate: float, schedule: str, clip: float | None, s
     """
     if name == "lbfgs":
         return LBFGS()
-    rate = optax.cosine_decay_schedule(learning_rate, steps) if schedule == "cosine" else learning_rate
+    rate = optax.cosine_decay_schedule(learning_rate, steps) if decay == "cosine" else learning_rate
     try:
         chosen = getattr(optax, name)(rate)
         known = isinstance(chosen, optax.GradientTransformation)
     except (AttributeError, TypeError):
         known = False
     if not known:
-        raise UserError("tuning.optimiser", "lbfgs or an optimiser of optax, as adam", name)
+        raise UserError("tuning.optimiser", "auto, cma, lbfgs or an optimiser of optax, as adam", name)
     return Optax(chosen if clip is None else optax.chain(optax.clip_by_global_norm(clip), chosen))
 
 
@@ -142,54 +114,39 @@ class Candidate(NamedTuple):
     reach: float = REACH
 
 
-def race(search: Search, starts: np.ndarray, samples: Samples, survivors: int) -> np.ndarray:
-    """The best of many starting points (C, n) -> (survivors, n), best first."""
-    order = np.argsort(search.values(starts, samples), kind="stable")
-    return starts[order[:survivors]]
-
-
 def descend(
-    search: Search, chosen: LBFGS | Optax, candidates: list[Candidate], samples: Samples, steps: int
-) -> tuple[list[Candidate], np.ndarray, int]:
-    """A few steps of every candidate on the same samples; what one does depends on no other.
+    trials: Trials, chosen: LBFGS | Optax, candidate: Candidate, samples: int, draw: int, steps: int
+) -> tuple[Candidate, float, int]:
+    """A few steps on the same samples.
 
     Returns:
-        The candidates, their risks (C,), and how many steps were rejected or shortened because rollouts failed, nothing
-        improved, or a gradient was not finite: then the next step may reach half as far.
+        The candidate, at a vector (n,), its risk, and how many steps were rejected or shortened because rollouts
+        failed, nothing improved, or a gradient was not finite: then the next step may reach half as far.
     """
     rejected = 0
-    values, slopes = search.slopes(np.stack([c.vector for c in candidates]), samples)
+    value, slope = _slope(trials, candidate.vector, samples, draw)
     for _ in range(steps):
-        proposals = [_propose(chosen, c, g) for c, g in zip(candidates, slopes, strict=True)]
-        tried = search.values(np.concatenate([trials for trials, _ in proposals]), samples)
-        moved = []
-        for c, value, (trials, memory), outcome in zip(
-            candidates, values, proposals, tried.reshape(len(candidates), -1), strict=True
-        ):
-            taken = _pick(chosen, value, outcome)
-            rejected += taken is None or (taken > 0 and not chosen.descends)
-            moved.append(_moved(chosen, c, memory, trials, taken))
-        new_values, new_slopes = search.slopes(np.stack([c.vector for c in moved]), samples)
-        candidates = [
-            new._replace(memory=chosen.learn(new.memory, new.vector - old.vector, g1 - g0))
-            for old, new, g0, g1 in zip(candidates, moved, slopes, new_slopes, strict=True)
-        ]
-        values, slopes = new_values, new_slopes
-    return candidates, values, rejected
+        proposed, memory = _propose(chosen, candidate, slope, trials.low, trials.high)
+        taken = _pick(chosen, value, trials.values(proposed, samples, draw))
+        rejected += taken is None or (taken > 0 and not chosen.descends)
+        moved = _moved(chosen, candidate, memory, proposed, taken)
+        value, new_slope = _slope(trials, moved.vector, samples, draw)
+        memory = chosen.learn(moved.memory, moved.vector - candidate.vector, new_slope - slope)
+        candidate, slope = moved._replace(memory=memory), new_slope
+    return candidate, value, rejected
 
 
-def better_half(candidates: list[Candidate], values: np.ndarray) -> list[Candidate]:
-    """The half of the candidates that is worth more rollouts, best first; values (C,). The last one is never dropped.
-
-    Measured: which valley is deep shows after a few steps, and what the others would cost buys the better ones twice
-    the samples.
-    """
-    order = np.argsort(values, kind="stable")[: max(1, len(candidates) // 2)]
-    return [candidates[i] for i in order]
+def _slope(trials: Trials, vector: np.ndarray, samples: int, draw: int) -> tuple[float, np.ndarray]:
+    """Risk of a vector and its gradient, without what would leave the bounds."""
+    (value,), (slope,) = trials.slopes(vector[None], samples, draw)
+    blocked = ((vector <= trials.low) & (slope > 0.0)) | ((vector >= trials.high) & (slope < 0.0))
+    return float(value), np.where(blocked, 0.0, slope)
 
 
-def _propose(chosen: LBFGS | Optax, candidate: Candidate, slope: np.ndarray) -> tuple[np.ndarray, Any]:
-    """Trial vectors (ladder, n), longest step first, and the method's memory after them."""
+def _propose(
+    chosen: LBFGS | Optax, candidate: Candidate, slope: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, Any]:
+    """Trial vectors (ladder, n) between the bounds, longest step first, and the method's memory after them."""
     vector, memory = candidate.vector, candidate.memory
     if not np.all(np.isfinite(slope)):
         return np.repeat(vector[None], len(chosen.ladder), axis=0), memory
@@ -198,7 +155,7 @@ def _propose(chosen: LBFGS | Optax, candidate: Candidate, slope: np.ndarray) -> 
         direction, memory = chosen.direction(chosen.start(vector), vector, slope)
     longest = float(np.max(np.abs(direction)))
     direction = direction * min(1.0, candidate.reach / max(longest, 1e-300))
-    return vector + np.array(chosen.ladder)[:, None] * direction, memory
+    return np.clip(vector + np.array(chosen.ladder)[:, None] * direction, low, high), memory
 
 
 def _pick(chosen: LBFGS | Optax, value: float, outcome: np.ndarray) -> int | None:

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,8 @@ from coopmm_jax.parameters import Gains
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import vary
-from tuning.cost import evaluate
-from tuning.cost.objective import TERMS, Objective, coefficients
-from tuning.cost.problem import TEST, VALIDATION, Problem
-from tuning.cost.risk import risk
-from tuning.search.method import Search
+from tuning.cost.objective import Objective
+from tuning.cost.problem import TEST, Problem, scaled
 from tuning.studies.comparison import Comparison, compare
 
 OWN = "scenario"  # stands for the scenario's own gains in the place of a file
@@ -140,15 +137,6 @@ def _problem(scenario: Scenario) -> Problem:
     if not variation.numbers:
         raise UserError("uncertainty", "given, so that there are samples to compare on", "empty")
     space = AnyGains(jax.tree.structure(own))
-    step, settings = scenario.sample_time, scenario.tuning
-    objective = Objective(space, variation.structure(), step, scenario.steps, settings.tracking_from)
-    search = Search(objective, np.zeros(len(TERMS)), risk("mean"))
-    problem = Problem(scenario, variation, search, search)
-    fixed = problem.samples(VALIDATION, settings.validation_samples)
-    found = evaluate.evaluate(objective, _vector(own)[None], fixed)
-    completed = found.completed[0]
-    if not completed.any():
-        raise UserError("gains", "such that at least one validation sample completes, to scale the cost by", "none")
-    scales = np.mean(found.terms[0][completed], axis=0)
-    search = replace(search, coefficients=coefficients(dict(settings.weights), scales))
-    return Problem(scenario, variation, search, search)
+    settings = scenario.tuning
+    objective = Objective(space, variation.structure(), scenario.sample_time, scenario.steps, settings.tracking_from)
+    return scaled(scenario, variation, objective, _vector(own))

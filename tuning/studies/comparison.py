@@ -48,15 +48,15 @@ class Comparison(NamedTuple):
 
 def compare(problem: Problem, vectors: np.ndarray, first: int, count: int) -> Comparison:
     """The gains of S vectors (S, n) on the samples ``first`` to ``first + count - 1``, over the whole duration."""
-    search, samples = problem.validation, problem.samples(first, count)
-    found = evaluate.evaluate(search.objective, vectors, samples)
+    cost, samples = problem.cost, problem.samples(first, count)
+    found = evaluate.evaluate(cost.objective, vectors, samples)
     scenario = problem.scenario
     horizon = Horizon(scenario.sample_time, scenario.steps, "float64")
     measured = [_measured(problem, vector, samples, horizon) for vector in vectors]
     bands = problem.samples(first, min(count, BANDS))
     series = [_series(problem, vector, bands, horizon) for vector in vectors]
     return Comparison(
-        costs=found.costs(search.coefficients),
+        costs=found.costs(cost.coefficients),
         terms=found.terms,
         metrics={name: np.stack([table[:, i] for table, _ in measured]) for i, name in enumerate(METRICS)},
         status=np.stack([status for _, status in measured]),

@@ -1,9 +1,9 @@
 """The sample of a scenario's uncertainty that hurts most, found by climbing the cost through the simulator.
 
-The search runs through the unit cube of the draws behind the uncertain numbers (``coopmm_jax/uncertainty.py``): all of
-it where distributions end, and the middle 99 % of those that do not. What is climbed is the cost of [tuning] under the
-scenario's own gains, over ``tuning.horizon``. A rollout that fails is worse than any other and ends the search. Noise
-is not searched: every rollout has the scenario's own.
+The search runs through the unit cube of the draws behind the uncertain numbers (``coopmm_jax/scenario/variation.py``):
+all of it where distributions end, and the middle 99 % of those that do not. What is climbed is the cost of [tuning]
+under the scenario's own gains, over the whole duration, as tuning reports it. A rollout that fails is worse than any
+other and ends the search. Noise is not searched: every rollout has the scenario's own.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from tuning.cost import evaluate
 from tuning.cost.evaluate import Samples
 from tuning.cost.objective import FAILED
 from tuning.cost.problem import Problem, build_problem
+from tuning.cost.robust_cost import RobustCost
 from tuning.search.ascent import LADDER, Ascent, Mark, ascend
-from tuning.search.method import Search
 
 ROLLOUTS = 409  # a tenth of 4,096
 STARTS = 32
@@ -35,7 +35,7 @@ REVERSE = 10  # rollouts that one gradient by reverse mode costs (measured: 8.5 
 # while that of reverse mode takes the better part of a minute. More draws would leave the budget too few rounds.
 DIFFERENCES = 32
 # First index of the random samples that a found one is compared with: no set of ``tuning/problem.py`` reaches it.
-RANDOM = 8_000_000
+RANDOM = 2_000_000
 _STEP = 1e-6  # of one-sided differences, in widths of the cube
 
 
@@ -46,8 +46,8 @@ class SampleCost:
     many.
     """
 
-    def __init__(self, search: Search, variation: Variation, vector: np.ndarray):
-        self.search, self.variation, self.vector = search, variation, vector
+    def __init__(self, cost: RobustCost, variation: Variation, vector: np.ndarray):
+        self.cost, self.variation, self.vector = cost, variation, vector
         self.low, self.high = box(variation)
         self.reversed = len(variation.draws) > DIFFERENCES
         self.slope_price = REVERSE if self.reversed else len(variation.draws)
@@ -58,7 +58,7 @@ class SampleCost:
 
     def values(self, points: np.ndarray) -> np.ndarray:
         """Costs (N,) at points (N, D)."""
-        return costs(self.search, self.vector, self.samples(points))
+        return costs(self.cost, self.vector, self.samples(points))
 
     def slopes(self, points: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Gradients (N, D) at points (N, D) whose costs are ``values`` (N,)."""
@@ -73,10 +73,8 @@ class SampleCost:
 
     def reverse(self, points: np.ndarray) -> np.ndarray:
         """Gradients (N, D) by reverse mode: through the rollout, then through the map from draws to its parameters."""
-        search = self.search
-        _, slopes = evaluate.sensitivities(
-            search.objective, self.vector[None], self.samples(points), search.coefficients
-        )
+        cost = self.cost
+        _, slopes = evaluate.sensitivities(cost.objective, self.vector[None], self.samples(points), cost.coefficients)
 
         def row(point: jax.Array) -> jax.Array:
             return jnp.stack([jnp.asarray(leaf, float) for leaf in jax.tree.leaves(self.variation.parameters(point))])
@@ -86,9 +84,9 @@ class SampleCost:
             return np.asarray(pull_back(jnp.asarray(slopes[0]))[0])
 
 
-def costs(search: Search, vector: np.ndarray, samples: Samples) -> np.ndarray:
+def costs(cost: RobustCost, vector: np.ndarray, samples: Samples) -> np.ndarray:
     """Cost of the gains of ``vector`` (n,) on every sample (N,)."""
-    return evaluate.evaluate(search.objective, vector[None], samples).costs(search.coefficients)[0]
+    return evaluate.evaluate(cost.objective, vector[None], samples).costs(cost.coefficients)[0]
 
 
 @dataclass(frozen=True)
@@ -119,7 +117,7 @@ def falsify(
 
     Args:
         scenario: a scenario, or the name or path of one; needs [uncertainty]. rollouts: budget, over
-            ``tuning.horizon`` each; a gradient counts as the rollouts it costs. starts: scrambled Sobol points that the
+            the whole duration each; a gradient counts as the rollouts it costs. starts: scrambled Sobol points that the
             climbs set out from, the highest first. problem: of this scenario, if built already.
 
     Raises:
@@ -128,21 +126,21 @@ def falsify(
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
     problem = build_problem(scenario) if problem is None else problem
-    search, variation = problem.training, problem.variation
+    cost, variation = problem.cost, problem.variation
     found = _climbed(problem, problem.space.start, rollouts, starts)
     worst = found.peaks[0]
     numbers = {name: float(value) for name, value in variation.values(worst.point).items()}
     nominal = Samples(jax.tree.map(lambda x: np.full(1, x, float), scenario.parameters()))
-    origin = f"Worst sample found of: {scenario.description} (cost {worst.value:.6g} over {_horizon(search):g} s)"
+    origin = f"Worst sample found of: {scenario.description} (cost {worst.value:.6g} over {_horizon(cost):g} s)"
     return Falsification(
         scenario=variation.sample(scenario.simulation.stream, numbers).with_overrides({"description": origin}),
         numbers=numbers,
         nominal={number.name: number.base for number in variation.numbers},
         cost=worst.value,
-        nominal_cost=float(costs(search, problem.space.start, nominal)[0]),
+        nominal_cost=float(costs(cost, problem.space.start, nominal)[0]),
         trail=found.trail,
         rollouts=found.spent,
-        steps=found.spent * search.objective.steps,
+        steps=found.spent * cost.objective.steps,
     )
 
 
@@ -152,19 +150,19 @@ def worst_samples(
     """Up to ``count`` worst samples found against the gains of ``vector`` (n,): different ones, the worst first.
 
     Most are ends of climbs, and the rest starts; there are fewer where climbs end at the same point. Under
-    ``problem.training``, as ``falsify``.
+    ``problem.cost``, as ``falsify``.
 
     Raises:
         UserError: the budget has no room for a climb.
     """
     peaks = _climbed(problem, vector, rollouts, starts).peaks
-    landscape = SampleCost(problem.training, problem.variation, vector)
+    landscape = SampleCost(problem.cost, problem.variation, vector)
     return landscape.samples(np.stack([peak.point for peak in peaks[:count]]))
 
 
 def random_costs(problem: Problem, count: int) -> np.ndarray:
     """Costs (count,) of random samples under the scenario's gains, as a sweep would draw them."""
-    return costs(problem.training, problem.space.start, problem.samples(RANDOM, count))
+    return costs(problem.cost, problem.space.start, problem.samples(RANDOM, count))
 
 
 def table(found: Falsification, random: np.ndarray | None = None) -> str:
@@ -188,12 +186,12 @@ def table(found: Falsification, random: np.ndarray | None = None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _horizon(search: Search) -> float:
-    return search.objective.steps * search.objective.step
+def _horizon(cost: RobustCost) -> float:
+    return cost.objective.steps * cost.objective.step
 
 
 def _climbed(problem: Problem, vector: np.ndarray, rollouts: int, starts: int) -> Ascent:
-    landscape = SampleCost(problem.training, problem.variation, vector)
+    landscape = SampleCost(problem.cost, problem.variation, vector)
     if starts < 1:
         raise UserError("starts", "at least 1", starts)
     least = starts + landscape.slope_price + len(LADDER)

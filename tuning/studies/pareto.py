@@ -1,7 +1,8 @@
-"""The front between quality and effort: descents for several weightings at once, ``coopmm tune --pareto``.
+"""The front between quality and effort: one search for each of several weightings, ``coopmm tune --pareto``.
 
-What is simulated does not depend on the weights, so the race's and the validation's rollouts serve every weighting:
-each is scored for all of them, and whatever one weighting finds may become the point of another.
+What is simulated does not depend on the weights, so the screening's and the checks' rollouts serve every weighting:
+each is scored for all of them. A search begins at the best that is known for its weighting, mostly the end of the one
+before, and whatever one weighting finds may become the point of another.
 
 >>> non_dominated(np.array([[1.0, 3.0], [2.0, 2.0], [2.0, 4.0]]))
 array([ True,  True, False])
@@ -9,10 +10,8 @@ array([ True,  True, False])
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
@@ -23,32 +22,47 @@ from coopmm_jax.scenario.scenario import Scenario
 from tuning.cost import evaluate
 from tuning.cost.evaluate import Evaluated
 from tuning.cost.objective import TERMS
-from tuning.cost.problem import RACE, TEST, TRAINING, VALIDATION, Problem, build_problem
-from tuning.search import method
-from tuning.search.method import Candidate
+from tuning.cost.problem import SCREENING, TEST, Problem, build_problem
+from tuning.cost.robust_cost import RobustCost
+from tuning.cost.trials import DrawnTrials
+from tuning.search.stages import plan
+from tuning.studies.tune import Driver, Progress, Run
 
 EFFORT = ("effort", "torque_variation", "saturation")  # all other terms are of quality
 WEIGHTS = (0.01, 10.0)  # smallest and largest weight of effort against quality
 
-Progress = Callable[["Round"], None]
 
+class SharedTrials(DrawnTrials):
+    """The trials of one weighting, whose checks are kept for the others."""
 
-class Round(NamedTuple):
-    """One iteration of all descents."""
+    def __init__(self, problem: Problem, archive: Archive):
+        super().__init__(problem)
+        self.archive = archive
 
-    iteration: int
-    improved: int  # weightings whose validation risk fell
-    rejected: int  # steps that were rejected or shortened
+    def check(self, vectors: np.ndarray) -> np.ndarray:
+        """Risks (C,) of vectors (C, n) on the fixed samples."""
+        self._count(len(vectors) * self.problem.scenario.tuning.validation_samples)
+        return _risks(self.problem.cost, self.archive.add(vectors), self.problem.cost.coefficients[None])[0]
 
 
 @dataclass
-class Progressing:
-    """What changes from iteration to iteration."""
+class Archive:
+    """All vectors that were checked, and what became of them on the fixed samples."""
 
-    candidates: list[Candidate]  # of the first weighting, then of the second, ...
-    best: np.ndarray  # vector of the lowest validation risk of each weighting (K, n)
-    risks: np.ndarray  # that risk (K,)
-    tried: list[np.ndarray]  # means of quality and effort of all that was validated, each (2,)
+    problem: Problem
+    vectors: np.ndarray  # (M, n)
+    found: list[Evaluated]  # of one vector each (M)
+
+    def add(self, vectors: np.ndarray) -> Evaluated:
+        """Run vectors (C, n) on the fixed samples."""
+        found = evaluate.evaluate(self.problem.cost.objective, vectors, self.problem.fixed)
+        self.vectors = np.concatenate([self.vectors, vectors])
+        self.found += [Evaluated(*(array[i : i + 1] for array in found)) for i in range(len(vectors))]
+        return found
+
+    def all(self) -> Evaluated:
+        """What became of all of them."""
+        return Evaluated(*(np.concatenate(arrays) for arrays in zip(*self.found, strict=True)))
 
 
 @dataclass(frozen=True)
@@ -81,30 +95,50 @@ def non_dominated(points: np.ndarray) -> np.ndarray:
     return ~np.any(no_worse & better, axis=0)
 
 
-def tune_front(scenario: Scenario, count: int, progress: Progress | None = None) -> Front:
-    """Tune gains for ``count`` weightings between quality and effort, side by side.
+def tune_front(
+    scenario: Scenario,
+    count: int,
+    progress: Progress | None = None,
+    stage: Callable[[str], None] | None = None,
+) -> Front:
+    """Tune gains for ``count`` weightings between quality and effort.
 
     The cost of a weighting is (quality + w effort) / (1 + w); inside quality and effort the terms have the weights of
-    [tuning.weights]. Each weighting descends from its own tuning.survivors of a common race.
+    [tuning.weights]. Each weighting may spend tuning.budget.
 
     Args:
-        scenario: needs [uncertainty]. count: at least 2. progress: called after every iteration.
+        scenario: needs [uncertainty].
+        count: at least 2.
+        progress: called with each row of every search's history.
+        stage: called with the name of what begins.
 
     Raises:
         UserError: fewer than two weightings, no weight on quality or on effort, or settings that cannot be met.
     """
     if count < 2:
         raise UserError("--pareto", "at least 2 weightings", count)
-    s = scenario.tuning
+    say = stage or (lambda name: None)
     with jax.enable_x64(True):
-        chosen = method.method(s.optimiser, s.learning_rate, s.schedule, s.clip, s.iterations * s.steps)
+        chosen = plan(scenario.tuning, scenario.simulation.seed)
         groups = _groups(scenario)
-        problem = build_problem(scenario, descends=True)
+        say("compiling")
+        problem = build_problem(scenario)
         weights = np.geomspace(*WEIGHTS, count)
         mix = np.stack([np.ones(count), weights], axis=1) / (1.0 + weights[:, None])  # (K, 2)
-        run = _start(problem, chosen, groups, mix)
-        _iterate(problem, chosen, groups, mix, run, progress)
-        return _front(problem, groups, weights, run)
+        each = mix @ (groups * problem.cost.coefficients)
+        say("screening")
+        archive = _screened(problem, each)
+        for number, coefficients in enumerate(each):
+            say(f"weighting {number + 1} of {count}")
+            weighted = replace(problem, cost=replace(problem.cost, coefficients=coefficients))
+            best = archive.vectors[int(np.argmin(_risks(problem.cost, archive.all(), coefficients[None])[0]))]
+            run = Run.at(best, SharedTrials(weighted, archive))
+            run.check(best[None])
+            driver = Driver(None, weighted, progress, say)
+            driver.note(run, "starting", float(run.values[0]), 0, 0.0)
+            driver.search(run, chosen, np.inf)
+        say("measuring")
+        return _front(problem, groups, weights, each, archive)
 
 
 def _groups(scenario: Scenario) -> np.ndarray:
@@ -119,78 +153,39 @@ def _groups(scenario: Scenario) -> np.ndarray:
     return groups / sums[:, None]
 
 
-def _start(problem: Problem, chosen: method.LBFGS | method.Optax, groups: np.ndarray, mix: np.ndarray) -> Progressing:
-    """Race the scenario's gains against scrambled Sobol points, once for all weightings."""
+def _screened(problem: Problem, each: np.ndarray) -> Archive:
+    """The scenario's gains, and for each weighting (K, 9) the best of the starting points."""
     s, space = problem.scenario.tuning, problem.space
-    starts = problem.starts()
-    raced = evaluate.evaluate(problem.training.objective, starts, problem.samples(RACE, s.race_samples))
-    risks = _risks(problem.training, raced, mix @ (groups * problem.training.coefficients))
-    order = np.argsort(risks, axis=1, kind="stable")[:, : s.survivors]
-    candidates = [Candidate(vector, chosen.start(vector)) for vector in starts[order.ravel()]]
-    run = Progressing(candidates, np.repeat(space.start[None], len(mix), axis=0), np.full(len(mix), np.inf), [])
-    _validate(problem, groups, mix, run, space.start[None])
-    return run
+    starts = space.starts(s.starts, problem.scenario.simulation.seed)
+    found = evaluate.evaluate(problem.cost.objective, starts, problem.drawn(s.screening_samples, SCREENING))
+    chosen = _risks(problem.cost, found, each).argmin(axis=1)
+    archive = Archive(problem, starts[:0], [])
+    archive.add(np.concatenate([space.start[None], starts[sorted(set(chosen.tolist()))]]))
+    return archive
 
 
-def _iterate(
-    problem: Problem,
-    chosen: method.LBFGS | method.Optax,
-    groups: np.ndarray,
-    mix: np.ndarray,
-    run: Progressing,
-    progress: Progress | None,
-) -> None:
-    """Descend until no weighting improves any more or a budget ends it."""
-    s, began, stale = problem.scenario.tuning, time.monotonic(), 0
-    training = problem.training
-    each = np.repeat(mix @ (groups * training.coefficients), len(run.candidates) // len(mix), axis=0)
-    search = method.Search(training.objective, each, training.risk)
-    for number in range(1, s.iterations + 1):
-        if stale >= s.patience or time.monotonic() - began >= s.time_budget:
-            break
-        samples = problem.samples(TRAINING + (number - 1) * s.samples, s.samples)
-        run.candidates, _, rejected = method.descend(search, chosen, run.candidates, samples, s.steps)
-        improved = _validate(problem, groups, mix, run, np.stack([c.vector for c in run.candidates]))
-        stale = 0 if improved else stale + 1
-        if progress is not None:
-            progress(Round(number, improved, rejected))
-
-
-def _validate(problem: Problem, groups: np.ndarray, mix: np.ndarray, run: Progressing, vectors: np.ndarray) -> int:
-    """Offer vectors (C, n) to every weighting; returns how many of them take one."""
-    search = problem.validation
-    found = evaluate.evaluate(
-        search.objective, vectors, problem.samples(VALIDATION, problem.scenario.tuning.validation_samples)
-    )
-    run.tried.extend(_means(found, groups * search.coefficients))
-    risks = _risks(search, found, mix @ (groups * search.coefficients))
-    best, which = risks.min(axis=1), risks.argmin(axis=1)
-    better = best < run.risks
-    run.best[better], run.risks[better] = vectors[which[better]], best[better]
-    return int(better.sum())
-
-
-def _front(problem: Problem, groups: np.ndarray, weights: np.ndarray, run: Progressing) -> Front:
-    s, space, search = problem.scenario.tuning, problem.space, problem.validation
-    vectors = np.concatenate([space.start[None], run.best])
-    parts = groups * search.coefficients
-    sets = (problem.samples(VALIDATION, s.validation_samples), problem.samples(TEST, s.test_samples))
-    chosen, untouched = (_means(evaluate.evaluate(search.objective, vectors, samples), parts) for samples in sets)
+def _front(problem: Problem, groups: np.ndarray, weights: np.ndarray, each: np.ndarray, archive: Archive) -> Front:
+    s, space, cost = problem.scenario.tuning, problem.space, problem.cost
+    found, parts = archive.all(), groups * cost.coefficients
+    best = _risks(cost, found, each).argmin(axis=1)
+    rows = np.concatenate([[0], best])  # the archive's first is the scenario's own
+    vectors, tried = archive.vectors[rows], _means(found, parts)
+    untouched = evaluate.evaluate(cost.objective, vectors, problem.samples(TEST, s.test_samples))
     return Front(
         scenario=problem.scenario,
         labels=space.labels(),
         weights=weights,
-        gains=[space.gains(vector) for vector in run.best],
+        gains=[space.gains(vector) for vector in vectors[1:]],
         values=np.stack([np.asarray(space.values(vector)) for vector in vectors]),
-        points=untouched,
-        validation=chosen,
-        tried=np.stack(run.tried),
+        points=_means(untouched, parts),
+        validation=tried[rows],
+        tried=tried,
     )
 
 
-def _risks(search: method.Search, found: Evaluated, coefficients: np.ndarray) -> np.ndarray:
+def _risks(cost: RobustCost, found: Evaluated, coefficients: np.ndarray) -> np.ndarray:
     """Risk of C candidates under K coefficient vectors (K, 9): (K, C)."""
-    return np.array([[float(search.risk(row)) for row in found.costs(one)] for one in coefficients])
+    return np.array([[float(cost.risk(row)) for row in found.costs(one)] for one in coefficients])
 
 
 def _means(found: Evaluated, parts: np.ndarray) -> np.ndarray:

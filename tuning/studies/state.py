@@ -1,4 +1,4 @@
-"""The whole state of a tuning run after an iteration: what is read back goes on as if nothing had happened.
+"""The folder of a tuning run: its state after every iteration, from which it goes on as if nothing had happened.
 
 >>> import tempfile
 >>> with tempfile.TemporaryDirectory() as folder:
@@ -9,16 +9,62 @@
 
 from __future__ import annotations
 
+import contextlib
+import csv
+import io
 import zipfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import write_npz
+from coopmm_jax.files import locked_folder, resolve_path, write_csv, write_npz
 
-NAME = "state.npz"
-_SETTINGS = "settings"
+if TYPE_CHECKING:
+    from tuning.studies.result import Row
+
+NAME, HISTORY, SETTINGS = "state.npz", "history.csv", "scenario.toml"
+_KEY = "settings"
+
+
+@contextlib.contextmanager
+def run_folder(out: str | Path | None, resume: bool) -> Iterator[Path | None]:
+    """The folder of a run, which is this process's alone; a new one goes again if nothing is written.
+
+    Raises:
+        UserError: it has a run that is not to be resumed, or none that is, or it cannot be used.
+    """
+    if out is None:
+        yield None
+        return
+    folder = resolve_path(out, "--out")
+    if resume and not folder.is_dir():
+        raise UserError("--resume", f"used with a folder that has a {NAME}", folder)
+    with locked_folder(folder):
+        if not resume and (folder / NAME).exists():
+            raise UserError("--out", "a folder without a tuning run, or --resume given", folder)
+        yield folder
+
+
+def write_history(folder: Path, history: Sequence[Row]) -> None:
+    """Write history.csv anew."""
+    write_csv(folder / HISTORY, history[0]._fields, history)
+
+
+def append_history(folder: Path, row: Row) -> None:
+    """Add a line to history.csv, in one piece: whatever kills the process, the file has whole lines."""
+    path = folder / HISTORY
+    text = _line(row) if path.exists() else _line(row._fields) + _line(row)
+    with path.open("a", encoding="utf-8", newline="") as stream:
+        stream.write(text)
+
+
+def _line(values: Sequence) -> str:
+    text = io.StringIO()
+    csv.writer(text).writerow(values)
+    return text.getvalue()
 
 
 def write(folder: Path, arrays: dict[str, np.ndarray], settings: str) -> None:
@@ -27,7 +73,7 @@ def write(folder: Path, arrays: dict[str, np.ndarray], settings: str) -> None:
     Args:
         arrays: the state (...) by name. settings: everything that the course of the run depends on, as text.
     """
-    write_npz(folder / NAME, arrays | {_SETTINGS: np.array(settings)})
+    write_npz(folder / NAME, arrays | {_KEY: np.array(settings)})
 
 
 def read(folder: Path, settings: str) -> dict[str, np.ndarray]:
@@ -44,7 +90,7 @@ def read(folder: Path, settings: str) -> dict[str, np.ndarray]:
         raise UserError("--resume", f"used with a folder that has a {NAME}", folder) from None
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise UserError("--resume", f"used with a {NAME} that can be read", f"{path} ({error})") from None
-    _same(str(arrays.pop(_SETTINGS)), settings)
+    _same(str(arrays.pop(_KEY)), settings)
     return arrays
 
 

@@ -1,78 +1,60 @@
-"""Tune a scenario's gains: race, descend, validate, and measure on samples that nothing was chosen by."""
+"""Tune a scenario's gains: screen, search, choose, and measure on samples that nothing was chosen by.
+
+What is minimised is what is reported: the risk over the whole duration, in the units of the report.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
-from coopmm_jax.errors import UserError
-from coopmm_jax.files import locked_folder, resolve_path, write_csv, write_text
-from coopmm_jax.scenario.gains_file import gains_text
+from coopmm_jax.files import write_text
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
-from coopmm_jax.scenario.sections.controller import gain_tables
-from tuning.cost.problem import RACE, TEST, TRAINING, VALIDATION, Problem, build_problem
-from tuning.search import method
-from tuning.search.method import Candidate
+from tuning.cost.problem import SCREENING, Problem, build_problem
+from tuning.cost.trials import DrawnTrials, steps_of
+from tuning.search.stages import Descents, Place, Plan, plan
 from tuning.studies import state
-from tuning.studies.comparison import Comparison, compare
-from tuning.studies.falsify import worst_samples
+from tuning.studies.falsify import ROLLOUTS, worst_samples
+from tuning.studies.margins import sturdiest
+from tuning.studies.result import Row, TuningResult, gains_file, result_of
 
-Progress = Callable[["Row"], None]
+FINALISTS = 4  # best vectors checked so far
+_IDLE = 2  # stages in a row that improve nothing, after which the search ends
 
-
-class Row(NamedTuple):
-    """One line of the history."""
-
-    iteration: int  # 0: the starting gains
-    training: float  # lowest risk on this iteration's samples
-    validation: float  # lowest risk on the validation samples, over the whole duration
-    best: float  # lowest validation risk so far
-    rejected: int  # steps that were rejected or shortened
-    seconds: float  # of wall time since the start, without what came before a resume
+Progress = Callable[[Row], None]
 
 
 @dataclass
-class Progressing:
-    """What changes from iteration to iteration."""
+class Run:
+    """A search under way."""
 
-    candidates: list[Candidate]
-    best: np.ndarray  # vector of the lowest validation risk (n,)
-    worst: np.ndarray  # rows of the samples found against earlier gains (W, leaves), see ``tiles.Samples``
+    trials: DrawnTrials
+    place: Place
+    vectors: np.ndarray  # the best that were checked, the best first (F, n)
+    values: np.ndarray  # their risks on the fixed samples (F,)
+    stale: int = 0  # checks since the best one
+    idle: int = 0  # stages in a row that have improved nothing; -1 while one has
     history: list[Row] = field(default_factory=list)
 
-    @property
-    def stale(self) -> int:
-        """Iterations since the best one."""
-        return len(self.history) - 1 - int(np.argmin([row.validation for row in self.history]))
+    @classmethod
+    def at(cls, vector: np.ndarray, trials: DrawnTrials) -> Run:
+        """A search that begins at a vector (n,)."""
+        return cls(trials, Place(vector, -1, 0, 0, ()), np.empty((0, vector.size)), np.empty(0))
 
-
-@dataclass(frozen=True)
-class TuningResult:
-    """The tuned gains, how they were found, and what they are worth."""
-
-    scenario: Scenario  # with the tuned gains
-    labels: list[str]  # of the tuned numbers
-    before: np.ndarray  # their values under the starting gains
-    after: np.ndarray
-    history: list[Row]
-    comparison: Comparison  # on the untouched test samples
-
-    @property
-    def gains(self) -> Any:
-        """The tuned gains, ``coopmm_jax.parameters.Gains``."""
-        return self.scenario.parameters().gains
-
-    def _repr_html_(self) -> str:
-        from tuning.reports.html import page  # what it needs is slow to import, and only a notebook asks
-
-        return page(self)
+    def check(self, vectors: np.ndarray) -> None:
+        """Offer vectors (K, n) to the finalists."""
+        space = self.trials.problem.space
+        vectors = space.inside(vectors)
+        found = np.concatenate([self.values, self.trials.check(vectors)])
+        order = np.argsort(found, kind="stable")[:FINALISTS]
+        improved = len(self.values) == 0 or order[0] >= len(self.values)
+        self.vectors, self.values = np.concatenate([self.vectors, vectors])[order], found[order]
+        self.stale, self.idle = (0, -1) if improved else (self.stale + 1, self.idle)
 
 
 def tune(
@@ -80,126 +62,157 @@ def tune(
     out: str | Path | None = None,
     resume: bool = False,
     progress: Progress | None = None,
+    stage: Callable[[str], None] | None = None,
+    time_budget: float = np.inf,
 ) -> TuningResult:
     """Tune the gains that the scenario's [tuning] names.
 
     The course of the run depends on the scenario and its seed alone; killed and resumed it ends with the same bits.
 
     Args:
-        scenario: a scenario, or the name or path of one; needs [uncertainty]. out: folder for gains.toml, history.csv
-            and the state after every iteration. resume: go on with the state found there. progress: called with each
-            row of the history.
+        scenario: a scenario, or the name or path of one; needs [uncertainty].
+        out: folder for scenario.toml, the scenario as it was given, history.csv, the state after every iteration, and
+            gains.toml.
+        resume: go on with the state found there.
+        progress: called with each row of the history.
+        stage: called with the name of what begins: compiling, screening, scanning, searching, choosing, measuring.
+        time_budget: after which no iteration begins [s]; the search can be resumed.
 
     Raises:
         UserError: settings that cannot be met, a folder that already has a run, or a resume with other settings.
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
-    with jax.enable_x64(True), _folder(out, resume) as folder:
-        chosen = _method(scenario)
+    say = stage or (lambda name: None)
+    with jax.enable_x64(True), state.run_folder(out, resume) as folder:
+        chosen = plan(scenario.tuning, scenario.simulation.seed)
         found = state.read(folder, scenario.to_toml()) if resume else None
-        problem = build_problem(scenario, descends=True)
-        run = _start(problem, chosen) if found is None else _unpacked(problem, chosen, found)
-        _iterate(problem, chosen, run, folder, progress)
-        result = _result(problem, run)
+        say("compiling")
+        problem = build_problem(scenario)
+        if isinstance(chosen.wide, Descents):
+            DrawnTrials(problem).compile_slopes()
+        driver = Driver(folder, problem, progress, say)
+        run = driver.begin() if found is None else _unpacked(problem, chosen, found)
+        if folder is not None:
+            write_text(folder / state.SETTINGS, scenario.to_toml())
+            state.write_history(folder, run.history)  # one that was killed may lack its last line
+        stopped, early = driver.search(run, chosen, time_budget)
+        say("choosing")
+        vector = sturdiest(problem, run.vectors, run.values)
+        say("measuring")
+        result = result_of(problem, vector, run.history, stopped, early)
         if folder is not None:
             write_text(folder / "gains.toml", gains_file(result))
-            write_csv(folder / "history.csv", Row._fields, run.history)
-    return result
+        return result
 
 
-def gains_file(result: TuningResult) -> str:
-    """The text of gains.toml: every gain, tuned or not."""
-    return gains_text(result.gains)
+@dataclass
+class Driver:
+    """A search's driver: whatever it does is on disk before it is told."""
 
+    folder: Path | None
+    problem: Problem
+    progress: Progress | None
+    say: Callable[[str], None]
 
-def _method(scenario: Scenario) -> method.LBFGS | method.Optax:
-    s = scenario.tuning
-    return method.method(s.optimiser, s.learning_rate, s.schedule, s.clip, s.iterations * s.steps)
+    def begin(self) -> Run:
+        """Screen the scenario's gains and Sobol points."""
+        self.say("screening")
+        began, s = time.monotonic(), self.problem.scenario.tuning
+        trials = DrawnTrials(self.problem)
+        starts = self.problem.space.starts(s.starts, self.problem.scenario.simulation.seed)
+        risks = trials.values(starts, s.screening_samples, SCREENING)
+        run = Run.at(starts[int(np.argmin(risks))], trials)
+        run.check(np.stack([self.problem.start, run.place.vector]))
+        self.note(run, "screening", float(risks.min()), 0, time.monotonic() - began)
+        return run
 
+    def search(self, run: Run, chosen: Plan, time_budget: float) -> tuple[str, bool]:
+        """Search until the budget or convergence ends it, or time.
 
-def _start(problem: Problem, chosen: method.LBFGS | method.Optax) -> Progressing:
-    """Race the scenario's gains against scrambled Sobol points."""
-    s, space = problem.scenario.tuning, problem.space
-    survivors = method.race(problem.training, problem.starts(), problem.samples(RACE, s.race_samples), s.survivors)
-    fixed = problem.samples(VALIDATION, s.validation_samples)
-    value = float(problem.validation.values(space.start[None], fixed)[0])
-    training = float(problem.training.values(space.start[None], fixed)[0])
-    candidates = [Candidate(vector, chosen.start(vector)) for vector in survivors]
-    return Progressing(candidates, space.start, fixed.rows[:0], [Row(0, training, value, value, 0, 0.0)])
+        Args:
+            run: goes on from where it is.
+            chosen: the stages.
+            time_budget: [s]
 
+        Returns:
+            Why it ended, and whether that was early.
+        """
+        settings, began = self.problem.scenario.tuning, time.monotonic()
+        before, told = run.history[-1].seconds, ""
+        while run.trials.spent < 1e6 * settings.budget:
+            if run.idle >= _IDLE:
+                return f"{_IDLE} stages in a row improved nothing", False
+            if time.monotonic() - began >= time_budget:
+                return f"the time budget of {time_budget:g} s is used up", True
+            if run.place.stage < 0:
+                run.place = _next(run, chosen)
+            stage = chosen.stage(run.place.stage)
+            if stage.name != told:
+                self.say(stage.name)
+                told = stage.name
+            value, rejected = self._advance(run, chosen)
+            self.note(run, stage.name, value, rejected, before + time.monotonic() - began)
+        return f"the budget of {settings.budget:g} million simulated steps is used up", False
 
-def _iterate(
-    problem: Problem,
-    chosen: method.LBFGS | method.Optax,
-    run: Progressing,
-    folder: Path | None,
-    progress: Progress | None,
-) -> None:
-    """Iterate until a plateau or a budget ends it; the state on disk is never older than one iteration."""
-    s, began = problem.scenario.tuning, time.monotonic()
-    fixed = problem.samples(VALIDATION, s.validation_samples)
-    while len(run.history) <= s.iterations and run.stale < s.patience and time.monotonic() - began < s.time_budget:
-        number, lanes = len(run.history), s.survivors * s.samples
-        samples = problem.samples(TRAINING + (number - 1) * lanes, lanes // len(run.candidates)).extended(run.worst)
-        candidates, training, rejected = method.descend(problem.training, chosen, run.candidates, samples, s.steps)
-        validation = problem.validation.values(np.stack([c.vector for c in candidates]), fixed)
-        best = run.history[-1].best
-        if validation.min() < best:
-            best, run.best = float(validation.min()), candidates[int(validation.argmin())].vector
-        run.candidates = method.better_half(candidates, validation)
-        if s.adversaries:
-            found = worst_samples(problem, run.candidates[0].vector, s.adversaries)
-            run.worst = np.concatenate([run.worst, found.rows])
-        seconds = round(time.monotonic() - began, 3)
-        row = Row(number, float(training.min()), float(validation.min()), best, rejected, seconds)
+    def _advance(self, run: Run, chosen: Plan) -> tuple[float, int]:
+        """One step of the stage, and the next stage where it ends."""
+        settings, stage = self.problem.scenario.tuning, chosen.stage(run.place.stage)
+        outcome = stage.advance(run.place, run.trials)
+        run.place = outcome.place
+        spent = run.trials.spent >= 1e6 * settings.budget * stage.until
+        if spent or stage.due(run.place) or stage.ended(run.place, run.stale):
+            run.check(stage.offer(run.place))
+            if settings.adversaries:
+                _add_worst(run, settings.adversaries)
+        if spent or stage.ended(run.place, run.stale):
+            run.place = _next(run, chosen)
+        return outcome.value, outcome.rejected
+
+    def note(self, run: Run, stage: str, value: float, rejected: int, seconds: float) -> None:
+        """Write the state and a line of history, then tell; the search has taken so many seconds [s]."""
+        row = Row(len(run.history), stage, value, float(run.values[0]), rejected, run.trials.spent, round(seconds, 3))
         run.history.append(row)
-        if folder is not None:
-            state.write(folder, _packed(run), problem.scenario.to_toml())
-        if progress is not None:
-            progress(row)
+        if self.folder is not None:
+            state.write(self.folder, _packed(run), self.problem.scenario.to_toml())
+            state.append_history(self.folder, row)
+        if self.progress is not None:
+            self.progress(row)
 
 
-def _packed(run: Progressing) -> dict[str, np.ndarray]:
-    arrays = {"best": run.best, "worst": run.worst, "history": np.array(run.history, dtype=float)}
-    arrays["count"] = np.array(len(run.candidates))
-    for i, candidate in enumerate(run.candidates):
-        for j, leaf in enumerate(jax.tree.leaves(candidate)):
-            arrays[f"candidate_{i}_{j}"] = np.asarray(leaf)
+def _next(run: Run, chosen: Plan) -> Place:
+    """The begin of the next stage, at the best vector so far."""
+    run.stale, run.idle = 0, run.idle + 1
+    number = run.place.stage + 1
+    return Place(run.vectors[0], number, 0, run.place.draw + 1, chosen.stage(number).begin(run.vectors[0]))
+
+
+def _add_worst(run: Run, count: int) -> None:
+    """Train on the worst samples against the best gains too, and on those found at the last check."""
+    found = worst_samples(run.trials.problem, run.vectors[0], count)
+    older = found.rows[:0] if run.trials.worst is None else run.trials.worst[-count:]
+    run.trials.worst = np.concatenate([older, found.rows])
+    run.trials.spent += ROLLOUTS * steps_of(run.trials.problem)
+
+
+def _packed(run: Run) -> dict[str, np.ndarray]:
+    arrays = {"vectors": run.vectors, "values": run.values, "counts": np.array([run.stale, run.idle])}
+    arrays |= {f"place_{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(run.place))}
+    arrays |= {name: np.array([getattr(row, name) for row in run.history]) for name in Row._fields}
+    arrays["spent"] = np.array(run.trials.spent)
+    if run.trials.worst is not None:
+        arrays["worst"] = run.trials.worst
     return arrays
 
 
-def _unpacked(problem: Problem, chosen: method.LBFGS | method.Optax, arrays: dict[str, np.ndarray]) -> Progressing:
-    structure = jax.tree.structure(Candidate(problem.space.start, chosen.start(problem.space.start)))
-    candidates = []
-    for i in range(int(arrays["count"])):
-        leaves = [arrays[f"candidate_{i}_{j}"] for j in range(structure.num_leaves)]
-        candidate = jax.tree.unflatten(structure, leaves)
-        candidates.append(candidate._replace(reach=float(candidate.reach)))
-    history = [Row(int(r[0]), *map(float, r[1:4]), int(r[4]), float(r[5])) for r in arrays["history"]]
-    return Progressing(candidates, arrays["best"], arrays["worst"], history)
-
-
-def _result(problem: Problem, run: Progressing) -> TuningResult:
-    space, s = problem.space, problem.scenario.tuning
-    gains = space.gains(run.best)
-    vectors = np.stack([space.start, run.best])
-    comparison = compare(problem, vectors, TEST, s.test_samples)
-    before, after = (np.asarray(space.values(vector)) for vector in vectors)
-    tuned = problem.scenario.with_overrides(gain_tables(gains, space.names))
-    return TuningResult(tuned, space.labels(), before, after, run.history, comparison)
-
-
-@contextlib.contextmanager
-def _folder(out: str | Path | None, resume: bool) -> Iterator[Path | None]:
-    """The folder of a run, which is this process's alone; a new one goes again if nothing is written."""
-    if out is None:
-        yield None
-        return
-    folder = resolve_path(out, "--out")
-    if resume and not folder.is_dir():
-        raise UserError("--resume", f"used with a folder that has a {state.NAME}", folder)
-    with locked_folder(folder):
-        if not resume and (folder / state.NAME).exists():
-            raise UserError("--out", "a folder without a tuning run, or --resume given", folder)
-        yield folder
+def _unpacked(problem: Problem, chosen: Plan, arrays: dict[str, np.ndarray]) -> Run:
+    start, number = problem.start, int(arrays["place_1"])
+    template = Place(start, number, 0, 0, chosen.stage(number).begin(start) if number >= 0 else ())
+    leaves, structure = jax.tree.flatten(template)
+    found = [arrays[f"place_{i}"] for i in range(len(leaves))]
+    restored = [x if isinstance(leaf, np.ndarray) else type(leaf)(x) for leaf, x in zip(leaves, found, strict=True)]
+    place = jax.tree.unflatten(structure, restored)
+    rows = zip(*(arrays[name].tolist() for name in Row._fields), strict=True)
+    trials = DrawnTrials(problem, int(arrays["spent"]), arrays.get("worst"))
+    stale, idle = (int(x) for x in arrays["counts"])
+    return Run(trials, place, arrays["vectors"], arrays["values"], stale, idle, [Row(*row) for row in rows])

@@ -21,6 +21,7 @@ from coopmm_jax.scenario.sections.controller import GAINS
 from coopmm_jax.scenario.validation import closest
 
 Adversaries = Annotated[int, Strict(), Field(ge=0, le=32)]  # no search finds more different ones for certain
+Population = Annotated[int, Strict(), Field(ge=4)]
 Level = Annotated[float, Strict(), Field(ge=0, lt=1)]
 
 
@@ -70,20 +71,18 @@ class TuningSection(Section):
     risk_level: Level = quantity(0.9, "cvar: share of the samples left out, the best ones")
     sharpness: Positive = quantity(2.0, "soft_worst: of the exponential; towards worst as it grows")
     tracking_from: NotNegative = quantity(1.5, "time before which tracking does not count, the start decides it [s]")
-    horizon: Positive = quantity(3.0, "simulated time per sample while searching, at most simulation.duration [s]")
-    samples: Count = quantity(16, "training samples of the first iteration, drawn anew in every one")
-    validation_samples: Count = quantity(32, "fixed samples over the whole duration, which pick the best iterate")
+    validation_samples: Count = quantity(32, "fixed samples that scale the cost, and choose among what was found")
     test_samples: Count = quantity(128, "samples for the final figures alone")
-    race_samples: Count = quantity(4, "samples that rank the starting points")
-    starts: Count = quantity(64, "starting points: the scenario's gains and scrambled Sobol points")
-    survivors: Count = quantity(4, "of them go on to local descent; each iteration half of them, on twice the samples")
-    iterations: Count = quantity(8, "of local descent, at most")
-    steps: Count = quantity(4, "descent steps per iteration")
-    patience: Count = quantity(3, "iterations without a better validation risk before stopping")
-    time_budget: Positive = quantity(300.0, "after which no iteration begins [s]")
-    optimiser: str = quantity("lbfgs", "lbfgs, or an optimiser of optax by name")
+    budget: Positive = quantity(200.0, "simulated steps of the search, its last iteration excepted [million]")
+    starts: Count = quantity(256, "starting points: the scenario's gains and scrambled Sobol points")
+    screening_samples: Count = quantity(4, "samples that choose among the starting points")
+    samples: Count = quantity(4, "samples of a generation or descent, drawn anew for each; of a scan, twice as many")
+    optimiser: str = quantity("auto", "auto, cma, lbfgs, or an optimiser of optax by name")
+    population: Population = quantity(16, "cma: candidates of a generation")
+    steps: Count = quantity(4, "of a descent on the same samples")
+    patience: Count = quantity(3, "descents in a row without a better result after which they end")
     learning_rate: Positive = quantity(0.1, "of optax's optimisers")
-    schedule: Literal["constant", "cosine"] = quantity("constant", "of the learning rate")
+    decay: Literal["constant", "cosine"] = quantity("constant", "of the learning rate")
     clip: Positive | None = quantity(None, "largest norm of the gradient given to optax's optimisers")
 
     @field_validator("gains", mode="before")

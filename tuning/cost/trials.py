@@ -1,0 +1,60 @@
+"""Rollouts that a search may ask for: on samples drawn anew, the same for all candidates, and counted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tuning.cost import evaluate
+from tuning.cost.evaluate import Samples
+from tuning.cost.problem import Problem
+
+GRADIENT = 14  # rollouts of a batch that one exact gradient in a batch costs (experiments.benchmarks.gradients)
+
+
+class DrawnTrials:
+    """Risks and slopes of vectors on Sobol sets of a problem's samples; counts what is simulated."""
+
+    def __init__(self, problem: Problem, spent: int = 0, worst: np.ndarray | None = None):
+        """Begin, or go on.
+
+        Args:
+            problem: whose cost is minimised.
+            spent: steps simulated so far.
+            worst: samples (W, leaves) that every set is extended by, see ``Samples.rows``.
+        """
+        self.problem, self.spent, self.worst = problem, spent, worst
+        self.low, self.high = problem.low, problem.high
+
+    def values(self, vectors: np.ndarray, count: int, draw: int) -> np.ndarray:
+        """Risks (C,) of vectors (C, n) on the set ``draw`` of ``count`` samples."""
+        samples = self._samples(count, draw)
+        self._count(len(vectors) * len(samples))
+        return self.problem.costs(vectors, samples)
+
+    def slopes(self, vectors: np.ndarray, count: int, draw: int) -> tuple[np.ndarray, np.ndarray]:
+        """Risks (C,) and their gradients (C, n), likewise."""
+        samples = self._samples(count, draw)
+        self._count(GRADIENT * len(vectors) * len(samples))
+        return self.problem.slopes(vectors, samples)
+
+    def check(self, vectors: np.ndarray) -> np.ndarray:
+        """Risks (C,) of vectors (C, n) on the fixed samples that choose among them."""
+        self._count(len(vectors) * self.problem.scenario.tuning.validation_samples)
+        return self.problem.costs(vectors)
+
+    def compile_slopes(self) -> None:
+        """Begin to compile what ``slopes`` will run, beside what the search begins with."""
+        evaluate.compile_gradients(self.problem.cost.objective, self._samples(1, 0))
+
+    def _samples(self, count: int, draw: int) -> Samples:
+        samples = self.problem.drawn(count, draw)
+        return samples if self.worst is None else samples.extended(self.worst)
+
+    def _count(self, rollouts: int) -> None:
+        self.spent += rollouts * steps_of(self.problem)
+
+
+def steps_of(problem: Problem) -> int:
+    """Integration steps of one rollout."""
+    objective = problem.cost.objective
+    return objective.steps * max(1, objective.structure.substeps)

@@ -1,0 +1,239 @@
+"""The search's stages: scans of one gain at a time, and between them generations of CMA-ES or descents along gradients.
+
+Measured on ``sensed`` (19 gains, 20 s): a scan from the best of 256 Sobol points halves the cost with a twentieth of
+the budget, since one or two gains of such a point are far off; generations alone need four times as long for that, and
+where they end, a scan still frees a gain that lies on a plateau.
+
+>>> from coopmm_jax.scenario.sections.tuning import TuningSection
+>>> [type(plan(TuningSection(), seed=0).stage(i)).__name__ for i in range(4)]
+['Scan', 'Generations', 'Scan', 'Generations']
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from tuning.search import cma, method
+from tuning.search.method import LBFGS, Candidate, Optax
+
+if TYPE_CHECKING:
+    from coopmm_jax.scenario.sections.tuning import TuningSection
+
+CHECK = 20  # generations between two checks of the mean on the fixed samples
+WIDE, NARROW = 0.3, 0.15  # standard deviations of first generations
+HALF = 0.5  # share of the budget at which the wide local search ends
+DECAY = 100  # descent steps over which a cosine schedule falls to zero
+_SMALL = 1e-3  # standard deviation, a factor on a gain, below which generations have converged
+_WORTH = 1e-4  # least improvement for which a scan moves a gain
+
+
+class Trials(Protocol):
+    """What a search may ask; every draw is a set of samples of its own, the same for all candidates."""
+
+    low: np.ndarray  # bounds of vectors (n,)
+    high: np.ndarray
+
+    def values(self, vectors: np.ndarray, count: int, draw: int) -> np.ndarray:
+        """Risks (C,) of vectors (C, n) on ``count`` samples."""
+
+    def slopes(self, vectors: np.ndarray, count: int, draw: int) -> tuple[np.ndarray, np.ndarray]:
+        """Risks (C,) and their gradients (C, n)."""
+
+
+class Place(NamedTuple):
+    """How far a search has come; a pytree of numbers and arrays."""
+
+    vector: np.ndarray  # (n,) that the stage set out from, or has come to
+    stage: int
+    step: int  # of the stage
+    draw: int  # sets of samples drawn so far
+    inner: Any  # what the stage remembers
+
+
+class Outcome(NamedTuple):
+    """What one step of a stage found."""
+
+    place: Place
+    value: float  # lowest risk of its candidates, on its own samples
+    rejected: int = 0  # descent steps rejected or shortened
+
+
+class Stage(Protocol):
+    """A part of the search."""
+
+    name: str
+    until: float  # share of the budget at which it ends
+
+    def begin(self, vector: np.ndarray) -> Any:
+        """What it remembers at its start, a vector (n,)."""
+
+    def advance(self, place: Place, trials: Trials) -> Outcome:
+        """Its next step."""
+
+    def due(self, place: Place) -> bool:
+        """Whether what it has come to should be checked on the fixed samples."""
+
+    def offer(self, place: Place) -> np.ndarray:
+        """Vectors (K, n) for such a check, at any of its steps but the 0th."""
+
+    def ended(self, place: Place, stale: int) -> bool:
+        """Whether it has come to its own end; ``stale`` checks in a row have improved nothing."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Every gain in turn, in random order, at values over its whole range; the best one is kept."""
+
+    seed: int
+    samples: int = 8
+    points: int = 8  # the gain's present value and seven others
+    until: float = 1.0
+    name = "scanning"
+
+    def begin(self, vector: np.ndarray) -> tuple:
+        """Nothing, at any vector (n,)."""
+        return ()
+
+    def advance(self, place: Place, trials: Trials) -> Outcome:
+        """Try one gain."""
+        n = place.vector.size
+        i = np.random.default_rng((self.seed, place.stage)).permutation(n)[place.step]
+        tried = np.repeat(place.vector[None], self.points, axis=0)
+        tried[1:, i] = np.linspace(trials.low[i], trials.high[i], self.points - 1)
+        values = trials.values(tried, self.samples, place.draw)
+        best = int(np.argmin(values))
+        if not values[best] < values[0] - _WORTH * abs(values[0]):
+            best = 0
+        return Outcome(place._replace(vector=tried[best], step=place.step + 1), float(values[best]))
+
+    def due(self, place: Place) -> bool:
+        """Whether every gain has had its turn."""
+        return place.step == place.vector.size
+
+    def offer(self, place: Place) -> np.ndarray:
+        """The gains kept so far (1, n)."""
+        return place.vector[None]
+
+    def ended(self, place: Place, stale: int) -> bool:
+        """Whether every gain has had its turn."""
+        return place.step == place.vector.size
+
+
+class Evolving(NamedTuple):
+    """Generations under way."""
+
+    cloud: cma.Cloud
+    sum: np.ndarray  # of the means since the last check (n,)
+
+
+@dataclass(frozen=True)
+class Generations:
+    """CMA-ES around where the search is, each generation on samples drawn anew."""
+
+    seed: int
+    samples: int
+    population: int
+    spread: float  # of the first generation
+    until: float
+    name = "searching"
+
+    def begin(self, vector: np.ndarray) -> Evolving:
+        """A cloud around a vector (n,)."""
+        return Evolving(cma.begin(vector, self.spread), np.zeros(vector.size))
+
+    def advance(self, place: Place, trials: Trials) -> Outcome:
+        """One generation."""
+        cloud, total = place.inner
+        points = cma.ask(cloud, self.population, np.random.default_rng((self.seed, place.stage, place.step)))
+        inside = np.clip(points, trials.low, trials.high)
+        beyond = 1.0 + 0.1 * np.sum((points - inside) ** 2, axis=1)
+        values = trials.values(inside, self.samples, place.draw) * beyond
+        cloud = cma.tell(cloud, points, values)
+        total = cloud.mean + (total if place.step % CHECK else 0.0)
+        place = place._replace(step=place.step + 1, draw=place.draw + 1, inner=Evolving(cloud, total))
+        return Outcome(place, float(np.min(values)))
+
+    def due(self, place: Place) -> bool:
+        """Whether ``CHECK`` generations have passed since the last check."""
+        return place.step % CHECK == 0
+
+    def offer(self, place: Place) -> np.ndarray:
+        """The mean, and the average of the means since the last check (2, n)."""
+        cloud, total = place.inner
+        return np.stack([cloud.mean, total / ((place.step - 1) % CHECK + 1)])
+
+    def ended(self, place: Place, stale: int) -> bool:
+        """Whether the cloud has become small."""
+        return _converged(place.inner.cloud)
+
+
+def _converged(cloud: cma.Cloud) -> bool:
+    return bool(cloud.spread * np.sqrt(np.max(np.diag(cloud.shape))) < _SMALL)
+
+
+@dataclass(frozen=True)
+class Descents:
+    """A descent along exact gradients, every few steps on samples drawn anew."""
+
+    chosen: LBFGS | Optax
+    samples: int
+    steps: int  # on the same samples
+    patience: int
+    until: float
+    name = "searching"
+
+    def begin(self, vector: np.ndarray) -> Candidate:
+        """A candidate at a vector (n,)."""
+        return Candidate(vector, self.chosen.start(vector))
+
+    def advance(self, place: Place, trials: Trials) -> Outcome:
+        """A few steps."""
+        candidate, value, rejected = method.descend(
+            trials, self.chosen, place.inner, self.samples, place.draw, self.steps
+        )
+        place = place._replace(step=place.step + 1, draw=place.draw + 1, inner=candidate)
+        return Outcome(place, value, rejected)
+
+    def due(self, place: Place) -> bool:
+        """After every few steps."""
+        return True
+
+    def offer(self, place: Place) -> np.ndarray:
+        """Where the descent is (1, n)."""
+        return place.inner.vector[None]
+
+    def ended(self, place: Place, stale: int) -> bool:
+        """Whether nothing has improved for a while."""
+        return stale >= self.patience
+
+
+class Plan(NamedTuple):
+    """A search: a scan, a wide local search, then scans and narrow local searches by turns."""
+
+    scan: Stage
+    wide: Stage
+    narrow: Stage
+
+    def stage(self, number: int) -> Stage:
+        """The stage of a number from 0 on."""
+        if number % 2 == 0:
+            return self.scan
+        return self.wide if number == 1 else self.narrow
+
+
+def plan(settings: TuningSection, seed: int) -> Plan:
+    """The search that [tuning] asks for.
+
+    Raises:
+        UserError: an optimiser that does not exist.
+    """
+    scan = Scan(seed, 2 * settings.samples)
+    if settings.optimiser in ("auto", "cma"):
+        wide = Generations(seed, settings.samples, settings.population, WIDE, HALF)
+        return Plan(scan, wide, replace(wide, spread=NARROW, until=1.0))
+    chosen = method.method(settings.optimiser, settings.learning_rate, settings.decay, settings.clip, DECAY)
+    wide = Descents(chosen, settings.samples, settings.steps, settings.patience, HALF)
+    return Plan(scan, wide, replace(wide, until=1.0))

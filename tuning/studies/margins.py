@@ -1,0 +1,76 @@
+"""How much each gain may change, one at a time, before the cost rises by a tenth or a robot fails."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tuning.cost import evaluate
+from tuning.cost.problem import CHOICE, Problem
+
+RISE = 0.1  # of the cost, relative
+FACTORS = (1.1, 1.2, 1.35, 1.5, 2.0, 3.0, 5.0)  # on a gain (on 1 + K_lambda)
+SAMPLES = 8  # robots that margins are found on
+NEAR = 0.01  # relative difference within which costs are as good as equal
+NUDGE = 1.25  # factor on a gain by which near-equal gains are told apart
+
+
+class Margin(NamedTuple):
+    """Range of one tuned number, the others as they are."""
+
+    name: str  # as K_I[2]
+    value: float
+    low: float  # the lowest and highest of the values tried at which the cost has not risen by RISE
+    high: float
+    below: str  # beyond: "cost", "fails", or "free" where even the largest factor does neither
+    above: str
+
+
+def margins(problem: Problem, vector: np.ndarray) -> list[Margin]:
+    """The margin of every number of a vector (n,): by bisection over ``FACTORS``, all numbers at once."""
+    n = vector.size
+    signs, index = np.repeat([-1.0, 1.0], n), np.tile(np.arange(n), 2)
+    samples = problem.drawn(SAMPLES, CHOICE)
+    limit = (1.0 + RISE) * problem.cost.values(vector[None], samples)[0]
+    steps = np.log(np.concatenate([[1.0], FACTORS]))
+    good, bad = np.zeros(2 * n, int), np.full(2 * n, len(steps))
+    failing = np.zeros(2 * n, bool)
+    while np.any(bad - good > 1):
+        middle = (good + bad) // 2
+        moved = np.repeat(vector[None], 2 * n, axis=0)
+        moved[np.arange(2 * n), index] += signs * steps[middle]
+        found = evaluate.evaluate(problem.cost.objective, moved, samples)
+        lost = ~found.completed.all(axis=1)
+        risks = np.array([float(problem.cost.risk(row)) for row in found.costs(problem.cost.coefficients)])
+        kept = ~lost & (risks <= limit)
+        good = np.where(kept, middle, good)
+        failing = np.where(kept, failing, lost)
+        bad = np.where(kept, bad, middle)
+    ends = np.repeat(vector[None], 2 * n, axis=0)
+    ends[np.arange(2 * n), index] += signs * steps[good]
+    values = np.array([np.asarray(problem.space.values(row)) for row in ends])[np.arange(2 * n), index]
+    beyond = np.where(bad == len(steps), "free", np.where(failing, "fails", "cost"))
+    own = np.asarray(problem.space.values(vector))
+    return [
+        Margin(name, float(own[i]), float(values[i]), float(values[n + i]), str(beyond[i]), str(beyond[n + i]))
+        for i, name in enumerate(problem.names)
+    ]
+
+
+def sturdiest(problem: Problem, vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The vector (n,) to keep: of those within ``NEAR`` of the best, the one that bears changes of its gains best.
+
+    Args:
+        problem: whose cost it is.
+        vectors: (F, n), the best first.
+        values: their risks (F,).
+    """
+    near = vectors[values <= (1.0 + NEAR) * values[0]]
+    if len(near) == 1:
+        return near[0]
+    n, step = near.shape[1], np.log(NUDGE)
+    nudges = np.concatenate([-step * np.eye(n), step * np.eye(n)])
+    moved = (near[:, None] + nudges).reshape(-1, n)
+    risks = problem.cost.values(moved, problem.drawn(SAMPLES, CHOICE)).reshape(len(near), -1)
+    return near[int(np.argmin(risks.mean(axis=1)))]

@@ -1,0 +1,103 @@
+"""The outcome of a tuning: gains, how they were found, and what they are worth on untouched samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax
+import numpy as np
+
+from coopmm_jax.files import versions
+from coopmm_jax.scenario.gains_file import gains_text
+from coopmm_jax.scenario.scenario import Scenario
+from coopmm_jax.scenario.sections.controller import gain_tables
+from tuning.cost.problem import TEST
+from tuning.studies.comparison import Comparison, compare
+from tuning.studies.margins import Margin, margins
+
+if TYPE_CHECKING:
+    from tuning.cost.problem import Problem
+
+_AT = 0.01  # share of a logarithmic range within which a gain sits at its bound
+
+
+class Row(NamedTuple):
+    """One line of the history."""
+
+    iteration: int  # 0: screening
+    stage: str
+    training: float  # lowest risk of this iteration's candidates, on its own samples
+    best: float  # lowest risk so far on the fixed samples
+    rejected: int  # descent steps that were rejected or shortened
+    steps: int  # simulated so far
+    seconds: float  # of wall time so far
+
+
+@dataclass(frozen=True)
+class TuningResult:
+    """The tuned gains, how they were found, and what they are worth."""
+
+    scenario: Scenario  # with the tuned gains
+    labels: list[str]  # of the tuned numbers
+    before: np.ndarray  # their values under the starting gains
+    after: np.ndarray
+    comparison: Comparison  # on the untouched test samples
+    margins: list[Margin]  # of the tuned numbers
+    at_bounds: list[str]  # names of those that sit at a bound of [tuning.bounds]
+    history: list[Row] = field(default_factory=list)
+    stopped: str = ""  # why the search ended
+    resumable: bool = False  # whether it ended early
+
+    @property
+    def gains(self) -> Any:
+        """The tuned gains, ``coopmm_jax.parameters.Gains``."""
+        return self.scenario.parameters().gains
+
+    def _repr_html_(self) -> str:
+        from tuning.reports.html import page  # what it needs is slow to import, and only a notebook asks
+
+        return page(self)
+
+
+def result_of(
+    problem: Problem, vector: np.ndarray, history: list[Row] | None = None, stopped: str = "", resumable: bool = False
+) -> TuningResult:
+    """The gains of a vector (n,) against the scenario's own."""
+    with jax.enable_x64(True):
+        space, scenario = problem.space, problem.scenario
+        vectors = np.stack([space.start, vector])
+        before, after = (np.asarray(space.values(each)) for each in vectors)
+        return TuningResult(
+            scenario=scenario.with_overrides(gain_tables(space.gains(vector), space.names)),
+            labels=space.labels(),
+            before=before,
+            after=after,
+            comparison=compare(problem, vectors, TEST, scenario.tuning.test_samples),
+            margins=margins(problem, vector),
+            at_bounds=_at_bounds(problem, vector),
+            history=history or [],
+            stopped=stopped,
+            resumable=resumable,
+        )
+
+
+def gains_file(result: TuningResult) -> str:
+    """The text of gains.toml: every gain, tuned or not, below what it was made from."""
+    before, after = result.comparison.costs.mean(axis=1)
+    scenario, count = result.scenario, result.comparison.costs.shape[1]
+    made = ", ".join(f"{name} {version}" for name, version in versions().items())
+    lines = [
+        f"scenario: {scenario.description}",
+        f"seed {scenario.simulation.seed}; {len(result.labels)} numbers tuned: {', '.join(scenario.tuning.gains)}",
+        f"mean cost on {count} untouched samples: {before:.6g} before, {after:.6g} after",
+        f"search: {result.stopped or 'none'}",
+        made,
+    ]
+    return "".join(f"# {' '.join(line.split())}\n" for line in lines) + gains_text(result.gains)
+
+
+def _at_bounds(problem: Problem, vector: np.ndarray) -> list[str]:
+    reach = _AT * (problem.high - problem.low)
+    near = (vector <= problem.low + reach) | (vector >= problem.high - reach)
+    return [name for name, at in zip(problem.names, near, strict=True) if at]
