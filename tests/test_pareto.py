@@ -89,7 +89,7 @@ def test_front_of_two_quadratics(rollouts):
     assert not front.dominated.any()
     assert np.all(np.diff(front.points[1:, 0]) > 0.0)
     assert np.all(np.diff(front.points[1:, 1]) < 0.0)
-    np.testing.assert_allclose(front.validation[0], 1.0, rtol=1e-12)  # the scenario's gains
+    np.testing.assert_allclose(front.validation[0], 1.0, rtol=1e-3)  # the scenario's gains, on others than scaled it
 
 
 def test_same_seed_same_bits(rollouts):

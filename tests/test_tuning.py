@@ -390,7 +390,7 @@ def test_history_grows_line_by_line_and_loses_what_the_state_does_not_know(rollo
 def test_any_vector_has_its_report(rollouts):
     problem = tuning.build_problem(scenario())
     vector = problem.start + 0.1
-    result = problem.report(vector)
+    result = tuning.report(problem, vector)
     np.testing.assert_allclose(result.after, np.asarray(problem.space.values(vector)), rtol=1e-6)
     assert len(result.margins) == len(problem.names) == len(problem.low) == len(problem.high)
     assert "search ended" not in report.table(result)

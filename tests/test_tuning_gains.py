@@ -77,7 +77,7 @@ def test_settings_that_cannot_be(changes, message):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"tuning": {"bounds": {"K_I": [2.0, 3.0]}}}, r"tuning\.bounds\.K_I: .* starting gain 1\.5 .*, was"),
+        ({"tuning": {"bounds": {"K_I": [2.0, 3.0]}}}, r"tuning\.bounds\.K_I: .* starting gain 1\.5 lies, was"),
         ({"tuning": {"channels": "shared"}, "gains": {"gamma": [1.0, 1, 1, 1, 2]}}, "gains.gamma: must be one number"),
     ],
 )

@@ -13,16 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tuning.cost.problem import Problem, build_problem
-    from tuning.studies.result import TuningResult
+    from tuning.studies.result import TuningResult, report
     from tuning.studies.tune import tune
 
 _PLACES = {
     "Problem": "cost.problem",
     "TuningResult": "studies.result",
     "build_problem": "cost.problem",
+    "report": "studies.result",
     "tune": "studies.tune",
 }
-__all__ = ["Problem", "TuningResult", "build_problem", "tune"]
+__all__ = ["Problem", "TuningResult", "build_problem", "report", "tune"]
 
 
 def __getattr__(name: str) -> Any:

@@ -116,7 +116,7 @@ def gain_space(scenario: Scenario) -> GainSpace:
             raise UserError(f"gains.{name}", "one number where tuning.channels is shared", list(entries))
         for entry in entries:
             if not bounds[0] <= entry <= bounds[1]:
-                must = f"bounds of a range that has the starting gain {entry:g}"
+                must = f"bounds between which the starting gain {entry:g} lies"
                 raise UserError(f"tuning.bounds.{name}", must, list(bounds))
         for _ in entries[:1] if shared else entries:
             owner.append(i)

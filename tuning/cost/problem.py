@@ -6,14 +6,13 @@ For an optimiser of your own:
     problem.names, problem.low, problem.high      # n numbers, logarithms of gains, and their bounds
     problem.costs(vectors)                        # (C, n) -> (C,): mean cost over 32 fixed robots, the whole duration
     problem.slopes(vectors)                       # -> (C,), (C, n): exact gradients
-    problem.report(vector)                        # before and after, on robots that nothing was chosen by
+    tuning.report(problem, vector)                # before and after, on robots that nothing was chosen by
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import qmc
@@ -29,9 +28,6 @@ from tuning.cost.gain_space import GainSpace
 from tuning.cost.objective import TERMS, Objective, coefficients
 from tuning.cost.risk import risk
 from tuning.cost.robust_cost import RobustCost
-
-if TYPE_CHECKING:
-    from tuning.studies.result import TuningResult
 
 # First index of each set among the samples of the scenario's seed; the test set is the head of what a sweep would draw.
 TEST, VALIDATION, TRAINING = 0, 1_000_000, 3_000_000
@@ -90,12 +86,6 @@ class Problem:
             samples: as in ``costs``.
         """
         return self.cost.slopes(self.space.inside(np.atleast_2d(vectors)), self.fixed if samples is None else samples)
-
-    def report(self, vector: np.ndarray) -> TuningResult:
-        """The gains of a vector (n,) against the scenario's own, on the untouched test samples."""
-        from tuning.studies.result import result_of  # needs this module
-
-        return result_of(self, self.space.inside(vector))
 
     def samples(self, first: int, count: int) -> Samples:
         """The independent samples ``first`` to ``first + count - 1``."""

@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import numpy as np
@@ -14,9 +14,6 @@ import optax
 
 from coopmm_jax.errors import UserError
 from tuning.cost.objective import FAILED
-
-if TYPE_CHECKING:
-    from tuning.search.stages import Trials
 
 PAIRS = 10  # of L-BFGS
 REACH = 1.0  # longest step of one number before the ladder: a factor of e on a gain
@@ -98,12 +95,26 @@ def method(name: str, learning_rate: float, decay: str, clip: float | None, step
     rate = optax.cosine_decay_schedule(learning_rate, steps) if decay == "cosine" else learning_rate
     try:
         chosen = getattr(optax, name)(rate)
-        known = isinstance(chosen, optax.GradientTransformation)
     except (AttributeError, TypeError):
-        known = False
-    if not known:
+        chosen = None
+    if not isinstance(chosen, optax.GradientTransformation):
         raise UserError("tuning.optimiser", "auto, cma, lbfgs or an optimiser of optax, as adam", name)
     return Optax(chosen if clip is None else optax.chain(optax.clip_by_global_norm(clip), chosen))
+
+
+class Trials(Protocol):
+    """What a search may ask; every draw is a set of samples of its own, the same for all candidates."""
+
+    low: np.ndarray  # bounds of vectors (n,)
+    high: np.ndarray
+
+    def values(self, vectors: np.ndarray, count: int, draw: int) -> np.ndarray:
+        """Risks (C,) of vectors (C, n) on ``count`` samples."""
+        ...
+
+    def slopes(self, vectors: np.ndarray, count: int, draw: int) -> tuple[np.ndarray, np.ndarray]:
+        """Risks (C,) and their gradients (C, n)."""
+        ...
 
 
 class Candidate(NamedTuple):

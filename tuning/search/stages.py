@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from tuning.search import cma, method
-from tuning.search.method import LBFGS, Candidate, Optax
+from tuning.search.method import LBFGS, Candidate, Optax, Trials
 
 if TYPE_CHECKING:
     from coopmm_jax.scenario.sections.tuning import TuningSection
@@ -28,19 +28,6 @@ HALF = 0.5  # share of the budget at which the wide local search ends
 DECAY = 100  # descent steps over which a cosine schedule falls to zero
 _SMALL = 1e-3  # standard deviation, a factor on a gain, below which generations have converged
 _WORTH = 1e-4  # least improvement for which a scan moves a gain
-
-
-class Trials(Protocol):
-    """What a search may ask; every draw is a set of samples of its own, the same for all candidates."""
-
-    low: np.ndarray  # bounds of vectors (n,)
-    high: np.ndarray
-
-    def values(self, vectors: np.ndarray, count: int, draw: int) -> np.ndarray:
-        """Risks (C,) of vectors (C, n) on ``count`` samples."""
-
-    def slopes(self, vectors: np.ndarray, count: int, draw: int) -> tuple[np.ndarray, np.ndarray]:
-        """Risks (C,) and their gradients (C, n)."""
 
 
 class Place(NamedTuple):
@@ -64,23 +51,35 @@ class Outcome(NamedTuple):
 class Stage(Protocol):
     """A part of the search."""
 
-    name: str
-    until: float  # share of the budget at which it ends
+    @property
+    def name(self) -> str:
+        """Of what the user sees."""
+        ...
+
+    @property
+    def until(self) -> float:
+        """Share of the budget at which it ends."""
+        ...
 
     def begin(self, vector: np.ndarray) -> Any:
         """What it remembers at its start, a vector (n,)."""
+        ...
 
     def advance(self, place: Place, trials: Trials) -> Outcome:
         """Its next step."""
+        ...
 
     def due(self, place: Place) -> bool:
         """Whether what it has come to should be checked on the fixed samples."""
+        ...
 
     def offer(self, place: Place) -> np.ndarray:
         """Vectors (K, n) for such a check, at any of its steps but the 0th."""
+        ...
 
     def ended(self, place: Place, stale: int) -> bool:
         """Whether it has come to its own end; ``stale`` checks in a row have improved nothing."""
+        ...
 
 
 @dataclass(frozen=True)

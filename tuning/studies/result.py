@@ -55,17 +55,26 @@ class TuningResult:
         return self.scenario.parameters().gains
 
     def _repr_html_(self) -> str:
-        from tuning.reports.html import page  # what it needs is slow to import, and only a notebook asks
+        from tuning.studies.html import page  # what it needs is slow to import, and only a notebook asks
 
         return page(self)
 
 
-def result_of(
+def report(
     problem: Problem, vector: np.ndarray, history: list[Row] | None = None, stopped: str = "", resumable: bool = False
 ) -> TuningResult:
-    """The gains of a vector (n,) against the scenario's own."""
+    """The gains of a vector (n,) against the scenario's own, on the untouched test samples.
+
+    Args:
+        problem: of the scenario.
+        vector: logarithms of gains; moved between the bounds.
+        history: of the search that found it.
+        stopped: why that ended.
+        resumable: whether it ended early.
+    """
     with jax.enable_x64(True):
         space, scenario = problem.space, problem.scenario
+        vector = space.inside(vector)
         vectors = np.stack([space.start, vector])
         before, after = (np.asarray(space.values(each)) for each in vectors)
         return TuningResult(

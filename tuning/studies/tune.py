@@ -21,7 +21,7 @@ from tuning.search.stages import Descents, Place, Plan, plan
 from tuning.studies import state
 from tuning.studies.falsify import ROLLOUTS, worst_samples
 from tuning.studies.margins import sturdiest
-from tuning.studies.result import Row, TuningResult, gains_file, result_of
+from tuning.studies.result import Row, TuningResult, gains_file, report
 
 FINALISTS = 4  # best vectors checked so far
 _IDLE = 2  # stages in a row that improve nothing, after which the search ends
@@ -86,7 +86,7 @@ def tune(
     say = stage or (lambda name: None)
     with jax.enable_x64(True), state.run_folder(out, resume) as folder:
         chosen = plan(scenario.tuning, scenario.simulation.seed)
-        found = state.read(folder, scenario.to_toml()) if resume else None
+        found = state.read(folder, scenario.to_toml()) if resume and folder else None
         say("compiling")
         problem = build_problem(scenario)
         if isinstance(chosen.wide, Descents):
@@ -100,7 +100,7 @@ def tune(
         say("choosing")
         vector = sturdiest(problem, run.vectors, run.values)
         say("measuring")
-        result = result_of(problem, vector, run.history, stopped, early)
+        result = report(problem, vector, run.history, stopped, early)
         if folder is not None:
             write_text(folder / "gains.toml", gains_file(result))
         return result

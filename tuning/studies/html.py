@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from html import escape
-from typing import TYPE_CHECKING
+from typing import Any
 
 from coopmm_jax.sweeps.intervals import success
 from tuning.studies.comparison import STATISTICS, ratio
 
-if TYPE_CHECKING:
-    from tuning.studies.result import TuningResult
 
-
-def page(result: TuningResult) -> str:
-    """Page of costs and requirements on the untouched samples before and after; the tuned gains, folded."""
+def page(result: Any) -> str:
+    """Page, for a ``TuningResult``, of costs and requirements on the untouched samples before and after; the tuned gains, folded."""
     count, iterations = result.comparison.costs.shape[1], len(result.history) - 1
     head = f"TuningResult: {len(result.labels)} numbers, {iterations} iterations, {count} untouched samples"
     gains = zip(result.labels, result.before, result.after, strict=True)
@@ -25,7 +22,7 @@ def page(result: TuningResult) -> str:
     )
 
 
-def _worth(result: TuningResult) -> Iterator[tuple[str, ...]]:
+def _worth(result: Any) -> Iterator[tuple[str, ...]]:
     for name, statistic in STATISTICS.items():
         change = ratio(result.comparison.costs, statistic)
         interval = f"ratio {change.low:.3g} to {change.high:.3g} (95 %)"
