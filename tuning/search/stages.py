@@ -58,7 +58,7 @@ class Stage(Protocol):
 
     @property
     def until(self) -> float:
-        """Share of the budget at which it ends."""
+        """Share of the budget at which it ends [-]."""
         ...
 
     def begin(self, vector: np.ndarray) -> Any:

@@ -11,7 +11,7 @@ from tuning.studies.comparison import STATISTICS, ratio
 
 
 def page(result: Any) -> str:
-    """Page, for a ``TuningResult``, of costs and requirements on the untouched samples before and after; the tuned gains, folded."""
+    """Page of a ``TuningResult``: costs and requirements on untouched samples before and after; tuned gains, folded."""
     count, iterations = result.comparison.costs.shape[1], len(result.history) - 1
     head = f"TuningResult: {len(result.labels)} numbers, {iterations} iterations, {count} untouched samples"
     gains = zip(result.labels, result.before, result.after, strict=True)
