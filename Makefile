@@ -19,6 +19,9 @@ demo: $(VENV)/.installed
 # Two workers, each keeping whole files, so that a file's compiled functions are shared by its tests.
 test: $(VENV)/.installed-test
 	$(BIN)/ruff check
+	$(BIN)/ruff format --check --quiet
+	$(BIN)/lint-imports --no-logo --no-cache
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 clean:

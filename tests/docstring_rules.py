@@ -78,10 +78,10 @@ def _listed(function: ast.FunctionDef, block: str) -> Iterator[str]:
     known = {each.arg for each in [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs, *several]}
     for line in block.splitlines():
         found = ENTRY.match(line)
+        inside = set(re.findall(r"(?:[.;\]] |, )(\w+): ", line)) & known
         if line.strip() and not line.startswith(" " * 5) and not (found and found[1] in known):
             yield f"below Args, not one of its arguments and a colon: {line.strip()}"
-        inside = set(re.findall(r"(?:[.;\]] |, )(\w+): ", line)) & known
-        if inside:
+        elif inside:
             yield f"several arguments on one line: {line.strip()}"
 
 

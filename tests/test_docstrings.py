@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests import equation_map
-from tests.docstring_rules import complaints, definitions, equations, numbers
+from tests.docstring_rules import complaints, definitions, equations, numbers, wording
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("coopmm_jax", "experiments", "tuning")
@@ -73,6 +73,38 @@ class _Private:
     def anything(self): pass
 '''
 
+BADLY_WORDED = '''
+"""What a module holds."""
+
+def together(x, y):
+    """Sum of both.
+
+    Args:
+        x: one. y: the other.
+    """
+
+def grouped(x, y):
+    """Sum of both.
+
+    Args:
+        x, y: numbers.
+    """
+
+def unknown(x, *more, **options):
+    """Sum of all.
+
+    Args:
+        x: a number, or a time: then with its unit,
+            y: like this.
+        more: likewise.
+        options: likewise.
+        z: the last.
+    """
+
+def _hidden(x):
+    """Whether x is hidden."""
+'''
+
 
 def test_the_rules_find_what_is_wrong():
     found = definitions("bad", BAD)
@@ -87,6 +119,23 @@ def test_the_rules_find_what_is_wrong():
     raising = [definition.name for definition in found if definition.raises]
     assert raising == ["bad.raising", "bad.through", "bad.honest"]
     assert equations(BAD) == {3, 5, 6, 7}
+
+
+def test_the_rules_find_what_is_badly_worded():
+    said = wording("bad", BADLY_WORDED)
+    assert [complaint.split(": ")[:2] for complaint in said] == [
+        ["bad", "begins like a question, not with a verb or a noun"],
+        ["bad.together", "several arguments on one line"],
+        ["bad.grouped", "below Args, not one of its arguments and a colon"],
+        ["bad.unknown", "below Args, not one of its arguments and a colon"],
+        ["bad._hidden", "begins like a question, not with a verb or a noun"],
+    ]
+
+
+def test_docstrings_begin_with_a_verb_or_a_noun_and_list_one_argument_a_line():
+    sources = {path: path.read_text(encoding="utf-8") for path in sorted((ROOT / "tests").rglob("*.py"))}
+    texts = SOURCES | {f"tests.{path.stem}": text for path, text in sources.items()}
+    assert [complaint for module, source in texts.items() for complaint in wording(module, source)] == []
 
 
 def test_everything_public_has_a_docstring_that_says_shapes_units_and_errors():

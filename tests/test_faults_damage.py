@@ -51,7 +51,7 @@ def spoil(path, how):
 
 
 def reported(capsys, *more):
-    """What a report counts and complains about."""
+    """Counts and complaints of a report."""
     code = main(["report", "s.zarr", *more])
     captured = capsys.readouterr()
     assert captured.err.count("\n") == (code == 2)

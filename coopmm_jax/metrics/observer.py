@@ -13,14 +13,14 @@
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.matrix import dot, minus
 from coopmm_jax.algebra.sincos import sincos, wrapped
-from coopmm_jax.algebra.types import Scalar, Vector
+from coopmm_jax.algebra.types import Bool, Scalar, Vector
 from coopmm_jax.control.reference import desired_motion
 from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.rollout import Observer
@@ -72,7 +72,7 @@ class Last(NamedTuple):
 
 
 class Total(NamedTuple):
-    """What is gathered along a rollout."""
+    """Everything that is gathered along a rollout."""
 
     sums: Sums
     largest: Largest
@@ -80,11 +80,13 @@ class Total(NamedTuple):
 
 
 def observer(structure: Structure, parameters: Parameters, duration: Scalar, step: Scalar) -> Observer:
-    """What ``rollout`` has to gather for ``finish``.
+    """Observer with which ``rollout`` gathers what ``finish`` needs.
 
     Args:
-        structure: static choices. parameters: of the rollout. duration: its horizon [s]. step: its step [s]. All but
-            the first may be traced.
+        structure: static choices.
+        parameters: of the rollout; may be traced, as may all that follow.
+        duration: horizon of the rollout [s].
+        step: of the rollout [s].
     """
 
     def update(total: Total, t: Scalar, signals: Signals) -> Total:
@@ -125,7 +127,9 @@ def finish(total: Total, duration: Scalar, step: Scalar) -> dict[str, Scalar]:
     """The metrics named in ``METRICS``, finite for every rollout: 0 where no sample was taken.
 
     Args:
-        total: gathered by ``observer``. duration, step: as given to it [s].
+        total: gathered by ``observer``.
+        duration: as given to it [s].
+        step: as given to it [s].
     """
     sums, largest, last = total
     samples, late_samples = jnp.maximum(sums.samples, 1.0), jnp.maximum(sums.late_samples, 1.0)
@@ -164,10 +168,12 @@ def _start(structure: Structure) -> Total:
     """Neutral elements; the determinants are one per robot whose arm has dependent joints."""
     zero = jnp.zeros((), jnp.result_type(float))
     arms = 2 if "guide_radial" in structure.rows else 1
-    errors, none = dict.fromkeys(ERRORS, zero), zero - jnp.inf
+    errors: dict[str, Scalar] = dict.fromkeys(ERRORS, zero)
+    sums: dict[str, Any] = dict.fromkeys(Sums._fields, zero) | {"error": errors}
+    largest: dict[str, Any] = dict.fromkeys(Largest._fields, zero - jnp.inf) | {"error": errors}
     return Total(
-        Sums(**dict.fromkeys(Sums._fields, zero) | {"error": errors}),
-        Largest(**dict.fromkeys(Largest._fields, none) | {"error": errors}),
+        Sums(**sums),
+        Largest(**largest),
         Last(errors, zero, (zero,) * (ROBOTS * ACTUATORS), (zero,) * arms),
     )
 
@@ -183,7 +189,7 @@ def _last(structure: Structure, total: Total, signals: Signals, errors: dict[str
 
 
 def _saturated(structure: Structure, hardware: Hardware, signals: Signals) -> Scalar:
-    """How many of the ten actuators are asked for more than they can give; lag and smoothing play no part in it."""
+    """Number of actuators that are asked for more than they can give; lag and smoothing play no part in it."""
     if not structure.features.limits:
         return 0.0
     limits = torque_limits(hardware)
@@ -194,8 +200,8 @@ def _saturated(structure: Structure, hardware: Hardware, signals: Signals) -> Sc
     )
 
 
-def _summands(total: Total, force: Scalar, last: Last, late: Scalar, saturated: Scalar) -> Sums:
-    """What one sample adds: its change of torque counts if the sample before exists, or is late too."""
+def _summands(total: Total, force: Scalar, last: Last, late: Bool, saturated: Scalar) -> Sums:
+    """Summands of one sample: its change of torque counts if the sample before exists, or is late too."""
     one = jnp.ones_like(force)
     before, late_before = total.sums.samples > 0, total.sums.late_samples > 0
     change = tuple(map(jnp.abs, minus(last.torque, total.last.torque)))
@@ -214,7 +220,7 @@ def _summands(total: Total, force: Scalar, last: Last, late: Scalar, saturated: 
 
 
 def _candidates(structure: Structure, signals: Signals, last: Last, late: Scalar, end: Scalar) -> Largest:
-    """What one sample, which ends at time ``end``, offers as a maximum."""
+    """Candidates for the maxima from one sample, which ends at time ``end``."""
     contact = structure.rows.index("contact_normal")
     force = signals.constraint_force[contact]
     others = tuple(x for i, x in enumerate(signals.constraint_force) if i != contact)

@@ -1,4 +1,4 @@
-"""What is measured of a rollout: names, units and meanings, known without JAX. ``metrics/observer.py`` computes them.
+"""Metrics of a rollout: names, units and meanings, known without JAX. ``metrics/observer.py`` computes them.
 
 >>> METRICS["force_min"][0]
 'N'

@@ -1,4 +1,4 @@
-"""What a sweep's store is made for, and the empty store that it begins as."""
+"""Contents of a sweep's store, and the empty store that it begins as."""
 
 from __future__ import annotations
 

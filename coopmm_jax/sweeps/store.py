@@ -195,7 +195,7 @@ def _opened(group: zarr.Group, batches: Batches) -> xarray.Dataset:
         warnings.filterwarnings("ignore", "Object at .* is not recognized")  # what a file manager leaves in a folder
         data = xarray.open_zarr(group.store, consolidated=False, chunks=None, drop_variables=[CHECKSUMS])
     status = values(data.status)
-    status[~np.repeat(batches.whole, group.attrs["tile"])[: len(status)]] = -1
+    status[~np.repeat(batches.whole, cast(int, group.attrs["tile"]))[: len(status)]] = -1
     data["status"] = data.status.copy(data=status)
     # zarr lists arrays in any order; what every sample has comes first, for whoever looks at the data set.
     data = data[[*BY_SAMPLE, *sorted(set(map(str, data.data_vars)) - set(BY_SAMPLE))]]
@@ -239,7 +239,7 @@ def _batched(group: zarr.Group) -> dict[str, zarr.Array]:
 
 def _enlarge(group: zarr.Group) -> None:
     """Give every array the length that ``_room`` says."""
-    samples, settings = _room(group), dict(group.attrs)
+    samples, settings = _room(group), cast(dict[str, int], dict(group.attrs))
     lengths = dict.fromkeys(BY_SAMPLE, samples) | dict.fromkeys(_series(group), min(settings["keep"], samples))
     for name, length in (lengths | {CHECKSUMS: -(-samples // settings["tile"])}).items():
         array = cast(zarr.Array, group[name])

@@ -1,4 +1,4 @@
-"""Checksums of a store: which batches are whole, and whether what describes them is as it was written.
+"""Checksums of a store, which tell the batches that are whole, and changes of what describes them.
 
 A batch's checksum is written when all of it is there, so a batch without one has not been computed yet, and one that
 does not match has been damaged since.
@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import zarr
+from zarr.storage import LocalStore
 
 CHECKSUMS = "checksums"  # array (batch), 0 for none
 FINGERPRINT = "fingerprint"  # attribute
@@ -36,7 +37,7 @@ def checksum(rows: Mapping[str, np.ndarray]) -> np.uint64:
     return np.uint64(int.from_bytes(digest.digest(), "little") | 1)
 
 
-def fingerprint(settings: Mapping[str, Any], coordinates: Mapping[str, np.ndarray]) -> str:
+def fingerprint(settings: Mapping[str, Any], coordinates: Mapping[str, np.ndarray | Sequence[str]]) -> str:
     """Checksum of a store's settings and of its coordinates (n,) by name."""
     written = {name: value for name, value in settings.items() if name != FINGERPRINT}
     known = {name: np.asarray(values).tolist() for name, values in coordinates.items()}
@@ -51,7 +52,7 @@ def inspect(group: zarr.Group, arrays: Mapping[str, zarr.Array], size: int) -> B
         arrays: what is written batch by batch (samples, ...), by name.
         size: samples of a batch.
     """
-    given = np.asarray(group[CHECKSUMS][:])
+    given = np.asarray(cast(zarr.Array, group[CHECKSUMS])[:])
     whole, damaged = np.zeros(len(given), bool), dict[int, str]()
     for first in range(0, len(given), BLOCK):
         for batch, found in _checksums(arrays, size, first, min(first + BLOCK, len(given))):
@@ -82,11 +83,11 @@ def _checksums(
 
 
 def _reason(group: zarr.Group, arrays: Mapping[str, zarr.Array], size: int, batch: int) -> str:
-    """The file that is at fault, as far as it shows."""
+    """File that is at fault, as far as it shows."""
     for name, array in arrays.items():
         if batch * size < array.shape[0]:
             file = Path(name, "c", str(batch), *["0"] * (array.ndim - 1))
-            if not (Path(group.store.root) / file).exists():
+            if not (cast(LocalStore, group.store).root / file).exists():
                 return f"{file} is missing"
             try:
                 array[batch * size : (batch + 1) * size]

@@ -156,7 +156,7 @@ def curves(rows: Sequence[Judgement]) -> Figure:
 
 
 def _series(own: Sequence[Judgement]) -> tuple[np.ndarray, np.ndarray]:
-    """What every seed (S, G) has reached at times (G,), from where all of them have something to show."""
+    """Best cost so far of every seed (S, G) at times (G,), from the first time that all of them have."""
     runs = [[row for row in own if row.seed == seed] for seed in dict.fromkeys(row.seed for row in own)]
     times = [np.array([row.wall_s for row in run]) for run in runs]
     grid = np.geomspace(max(t[0] for t in times) + 1e-3, max(t[-1] for t in times) + 2e-3, 60)

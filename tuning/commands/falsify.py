@@ -66,7 +66,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     with nullcontext() if path is None else result_folder(path.parent) as folder:
         problem = build_problem(scenario)
         found = falsify(scenario, options.rollouts, options.starts, problem)
-        if folder is not None:
+        if folder is not None and path is not None:
             write_text(folder / path.name, found.scenario.to_toml())
     compare = options.compare_random is not None
     print(table(found, random_costs(problem, options.compare_random or found.rollouts) if compare else None), end="")

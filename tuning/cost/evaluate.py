@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.parameters import Parameters
 from coopmm_jax.sweeps.processes import concurrently, slots
 from tuning.cost.objective import FAILED, TERMS, Objective
@@ -18,7 +19,7 @@ from tuning.cost.objective import FAILED, TERMS, Objective
 TILE = 32  # lanes: one core is fastest with 32 to 64, and the usual 16 candidates x 4 samples fill two cores
 # What differentiates by a sample's numbers takes LLVM minutes to optimise, and is run a few times: without, it compiles
 # four times as fast and runs three times as slow.
-_UNOPTIMISED = {"xla_backend_optimization_level": 0}
+_UNOPTIMISED: dict[str, Any] = {"xla_backend_optimization_level": 0}
 _COMPILING = {kind: threading.Lock() for kind in ("terms", "gradient", "sensitivity")}
 
 
@@ -124,7 +125,7 @@ def _program(kind: str, objective: Objective, structure: Any, leaves: int) -> An
         def parameters(row: jax.Array) -> Parameters:
             return jax.tree.unflatten(structure, [row[i] for i in range(leaves)])
 
-        def cost(vector: jax.Array, row: jax.Array) -> jax.Array:
+        def cost(vector: jax.Array, row: jax.Array) -> Scalar:
             return objective.cost(vector, parameters(row), coefficients, True)
 
         if kind == "terms":

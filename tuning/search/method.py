@@ -82,10 +82,14 @@ class Optax:
 
 
 def method(name: str, learning_rate: float, decay: str, clip: float | None, steps: int) -> LBFGS | Optax:
-    """The optimiser of [tuning].
+    """Optimiser of [tuning].
 
     Args:
-        steps: over which a cosine schedule falls to zero. clip: largest global norm of the gradient.
+        name: lbfgs, or a function of optax.
+        learning_rate: of optax's optimisers.
+        decay: constant or cosine.
+        clip: largest global norm of the gradient.
+        steps: over which a cosine schedule falls to zero.
 
     Raises:
         UserError: optax has no such optimiser, or it needs more than a learning rate.
@@ -103,7 +107,7 @@ def method(name: str, learning_rate: float, decay: str, clip: float | None, step
 
 
 class Trials(Protocol):
-    """What a search may ask; every draw is a set of samples of its own, the same for all candidates."""
+    """Risks on samples, as a search asks for them; every draw is a set of samples, the same for all candidates."""
 
     low: np.ndarray  # bounds of vectors (n,)
     high: np.ndarray
@@ -111,9 +115,11 @@ class Trials(Protocol):
     def values(self, vectors: np.ndarray, count: int, draw: int) -> np.ndarray:
         """Risks (C,) of vectors (C, n) on ``count`` samples."""
         ...
+        ...
 
     def slopes(self, vectors: np.ndarray, count: int, draw: int) -> tuple[np.ndarray, np.ndarray]:
         """Risks (C,) and their gradients (C, n)."""
+        ...
         ...
 
 
@@ -170,7 +176,7 @@ def _propose(
 
 
 def _pick(chosen: LBFGS | Optax, value: float, outcome: np.ndarray) -> int | None:
-    """Which trial to take; None for none of them."""
+    """Trial to take; None for none of them."""
     if chosen.descends:
         best = int(np.argmin(outcome))
         return best if outcome[best] < value else None

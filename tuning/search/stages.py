@@ -31,7 +31,7 @@ _WORTH = 1e-4  # least improvement for which a scan moves a gain
 
 
 class Place(NamedTuple):
-    """How far a search has come; a pytree of numbers and arrays."""
+    """Progress of a search; a pytree of numbers and arrays."""
 
     vector: np.ndarray  # (n,) that the stage set out from, or has come to
     stage: int
@@ -41,7 +41,7 @@ class Place(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What one step of a stage found."""
+    """Findings of one step of a stage."""
 
     place: Place
     value: float  # lowest risk of its candidates, on its own samples
@@ -53,7 +53,7 @@ class Stage(Protocol):
 
     @property
     def name(self) -> str:
-        """Of what the user sees."""
+        """Name that the user sees."""
         ...
 
     @property
@@ -62,23 +62,28 @@ class Stage(Protocol):
         ...
 
     def begin(self, vector: np.ndarray) -> Any:
-        """What it remembers at its start, a vector (n,)."""
+        """State of the stage at its start, a vector (n,)."""
+        ...
         ...
 
     def advance(self, place: Place, trials: Trials) -> Outcome:
-        """Its next step."""
+        """Take the next step."""
+        ...
         ...
 
     def due(self, place: Place) -> bool:
-        """Whether what it has come to should be checked on the fixed samples."""
+        """True if its findings so far should be checked on the fixed samples."""
+        ...
         ...
 
     def offer(self, place: Place) -> np.ndarray:
         """Vectors (K, n) for such a check, at any of its steps but the 0th."""
         ...
+        ...
 
     def ended(self, place: Place, stale: int) -> bool:
-        """Whether it has come to its own end; ``stale`` checks in a row have improved nothing."""
+        """True if it has come to its own end; ``stale`` checks in a row have improved nothing."""
+        ...
         ...
 
 
@@ -109,7 +114,7 @@ class Scan:
         return Outcome(place._replace(vector=tried[best], step=place.step + 1), float(values[best]))
 
     def due(self, place: Place) -> bool:
-        """Whether every gain has had its turn."""
+        """True if every gain has had its turn."""
         return place.step == place.vector.size
 
     def offer(self, place: Place) -> np.ndarray:
@@ -117,7 +122,7 @@ class Scan:
         return place.vector[None]
 
     def ended(self, place: Place, stale: int) -> bool:
-        """Whether every gain has had its turn."""
+        """True if every gain has had its turn."""
         return place.step == place.vector.size
 
 
@@ -156,7 +161,7 @@ class Generations:
         return Outcome(place, float(np.min(values)))
 
     def due(self, place: Place) -> bool:
-        """Whether ``CHECK`` generations have passed since the last check."""
+        """True if ``CHECK`` generations have passed since the last check."""
         return place.step % CHECK == 0
 
     def offer(self, place: Place) -> np.ndarray:
@@ -165,7 +170,7 @@ class Generations:
         return np.stack([cloud.mean, total / ((place.step - 1) % CHECK + 1)])
 
     def ended(self, place: Place, stale: int) -> bool:
-        """Whether the cloud has become small."""
+        """True if the cloud has become small."""
         return _converged(place.inner.cloud)
 
 
@@ -201,11 +206,11 @@ class Descents:
         return True
 
     def offer(self, place: Place) -> np.ndarray:
-        """Where the descent is (1, n)."""
+        """Present vector of the descent (1, n)."""
         return place.inner.vector[None]
 
     def ended(self, place: Place, stale: int) -> bool:
-        """Whether nothing has improved for a while."""
+        """True if nothing has improved for a while."""
         return stale >= self.patience
 
 

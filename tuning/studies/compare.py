@@ -56,7 +56,7 @@ class ComparedGains:
         return self.comparison.costs.shape[1]
 
     def outcomes(self) -> dict[str, np.ndarray]:
-        """Which rollouts (S, N) completed, met each requirement, and all of that together."""
+        """Rollouts (S, N) that completed, that met each requirement, and all of that together, as booleans."""
         met = {"completed": self.comparison.completed}
         met |= {str(r): self.comparison.met(r) for r in self.scenario.requirements.parsed()}
         return met | {"all together": np.logical_and.reduce(list(met.values()))}
@@ -71,9 +71,9 @@ def compare_gains(
     what a sweep draws and no tuning with the same seed has chosen anything by.
 
     Args:
-        scenario: a scenario, or the name or path of one. sources: paths of gains files, laid over the scenario, or the
-            word "scenario" for its own gains; at least two. samples: how many; the scenario's tuning.test_samples by
-            default.
+        scenario: a scenario, or the name or path of one.
+        sources: paths of gains files, laid over the scenario, or the word "scenario" for its own gains; at least two.
+        samples: number of samples; by default the scenario's tuning.test_samples.
 
     Raises:
         UserError: fewer than two sources, a file that does not hold gains of this scenario, nothing varies, or no
@@ -136,7 +136,7 @@ def _problem(scenario: Scenario) -> Problem:
     variation, own = vary(scenario), scenario.parameters().gains
     if not variation.numbers:
         raise UserError("uncertainty", "given, so that there are samples to compare on", "empty")
-    space = AnyGains(jax.tree.structure(own))
+    space: Any = AnyGains(jax.tree.structure(own))  # in the place of a GainSpace: only its size and gains are used
     settings = scenario.tuning
     objective = Objective(space, variation.structure(), scenario.sample_time, scenario.steps, settings.tracking_from)
     return scaled(scenario, variation, objective, _vector(own))

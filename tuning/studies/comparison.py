@@ -10,11 +10,12 @@ import jax
 import numpy as np
 
 from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.parameters import Parameters
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps import measure
 from coopmm_jax.sweeps.measure import Horizon
-from coopmm_jax.sweeps.processes import concurrently, slots
+from coopmm_jax.sweeps.processes import Device, concurrently, slots
 from tuning.cost import evaluate
 from tuning.cost.evaluate import TILE, Samples
 from tuning.cost.risk import tail_shares
@@ -38,11 +39,11 @@ class Comparison(NamedTuple):
 
     @property
     def completed(self) -> np.ndarray:
-        """Which rollouts reached the horizon (S, N)."""
+        """Rollouts that reached the horizon (S, N), as booleans."""
         return self.status == Status.OK
 
     def met(self, requirement: Requirement) -> np.ndarray:
-        """Which rollouts completed and keep a limit (S, N)."""
+        """Rollouts that completed and keep a limit (S, N), as booleans."""
         return self.completed & requirement.met(self.metrics[requirement.metric])
 
 
@@ -65,7 +66,7 @@ def compare(problem: Problem, vectors: np.ndarray, first: int, count: int) -> Co
     )
 
 
-def _with_gains(problem: Problem, vector: np.ndarray, samples: Samples, rows: np.ndarray) -> object:
+def _with_gains(problem: Problem, vector: np.ndarray, samples: Samples, rows: np.ndarray) -> Parameters:
     """Parameters of some samples under the gains of a vector, every leaf (B,)."""
     gains = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), len(rows)), problem.space.gains(vector))
     parameters = jax.tree.unflatten(samples.structure, list(samples.rows[rows].T))
@@ -78,7 +79,7 @@ def _measured(
     """Metrics (N, M) and status (N,) of every sample."""
     results: dict[int, measure.Measured] = {}
 
-    def compute(device: jax.Device, start: int) -> None:
+    def compute(device: Device, start: int) -> None:
         rows = np.minimum(np.arange(start, start + TILE), len(samples) - 1)
         with jax.enable_x64(True):
             parameters = _with_gains(problem, vector, samples, rows)
@@ -87,8 +88,8 @@ def _measured(
     for _ in concurrently(compute, range(0, len(samples), TILE), slots()):
         pass
     in_order = [results[start] for start in sorted(results)]
-    columns = ([one.metrics for one in in_order], [one.status for one in in_order])
-    return tuple(np.concatenate(column)[: len(samples)] for column in columns)
+    metrics, status = [one.metrics for one in in_order], [one.status for one in in_order]
+    return np.concatenate(metrics)[: len(samples)], np.concatenate(status)[: len(samples)]
 
 
 def _series(problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon) -> dict[str, np.ndarray]:
@@ -108,7 +109,7 @@ class Change(NamedTuple):
 
 
 def ratio(values: np.ndarray, statistic: Callable[[np.ndarray], float] = np.mean, seed: int = 0) -> Change:
-    """How a statistic of paired values (2, N) changed.
+    """Change of a statistic of paired values (2, N).
 
     >>> ratio(np.array([[2.0, 4.0], [1.0, 2.0]]))
     Change(before=3.0, after=1.5, low=0.5, high=0.5)

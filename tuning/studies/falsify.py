@@ -104,7 +104,7 @@ class Falsification:
 
     @property
     def failed(self) -> bool:
-        """Whether its rollout fails."""
+        """True if its rollout fails."""
         return self.cost >= FAILED
 
 
@@ -116,9 +116,10 @@ def falsify(
     The result depends on the scenario, its seed and the arguments alone.
 
     Args:
-        scenario: a scenario, or the name or path of one; needs [uncertainty]. rollouts: budget, over
-            the whole duration each; a gradient counts as the rollouts it costs. starts: scrambled Sobol points that the
-            climbs set out from, the highest first. problem: of this scenario, if built already.
+        scenario: a scenario, or the name or path of one; needs [uncertainty].
+        rollouts: budget, over the whole duration each; a gradient counts as the rollouts it costs.
+        starts: number of scrambled Sobol points from which the climbs set out, the highest first.
+        problem: of this scenario, if built already.
 
     Raises:
         UserError: the scenario has no uncertainty or cannot be tuned, or the budget has no room for a climb.

@@ -1,4 +1,4 @@
-"""How much each gain may change, one at a time, before the cost rises by a tenth or a robot fails."""
+"""Margins: the change of each gain, one at a time, at which the cost rises by a tenth or a robot fails."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class Archive:
         return found
 
     def all(self) -> Evaluated:
-        """What became of all of them."""
+        """Results of all of them."""
         return Evaluated(*(np.concatenate(arrays) for arrays in zip(*self.found, strict=True)))
 
 
@@ -80,12 +80,12 @@ class Front:
 
     @property
     def dominated(self) -> np.ndarray:
-        """Which weightings (K,) end in gains that another's, or the scenario's, beat on the untouched samples."""
+        """Weightings (K,) whose gains another's, or the scenario's, beat on the untouched samples, as booleans."""
         return ~non_dominated(self.points)[1:]
 
 
 def non_dominated(points: np.ndarray) -> np.ndarray:
-    """Which of M points (M, d), all of whose numbers should be small, no other is as good as in all and better in one.
+    """Points of M (M, d), numbers that should be small, that no other equals in all and beats in one, as booleans.
 
     >>> non_dominated(np.array([[1.0, 1.0], [1.0, 1.0], [1.0, 2.0]]))
     array([ True,  True, False])
@@ -142,7 +142,7 @@ def tune_front(
 
 
 def _groups(scenario: Scenario) -> np.ndarray:
-    """What quality and effort make of a cost's coefficients (2, 9): the share of each term of either."""
+    """Shares of the terms of quality and of effort in a cost's coefficients (2, 9)."""
     effort = np.array([name in EFFORT for name in TERMS])
     weights = np.array([getattr(scenario.tuning.weights, name) for name in TERMS])
     groups = np.stack([~effort, effort]).astype(float)

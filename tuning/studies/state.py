@@ -71,7 +71,9 @@ def write(folder: Path, arrays: dict[str, np.ndarray], settings: str) -> None:
     """Replace the folder's state by another, in one step: there is always a complete one.
 
     Args:
-        arrays: the state (...) by name. settings: everything that the course of the run depends on, as text.
+        folder: of the run.
+        arrays: the state (...) by name.
+        settings: everything that the course of the run depends on, as text.
     """
     write_npz(folder / NAME, arrays | {_KEY: np.array(settings)})
 
