@@ -29,9 +29,9 @@ jax.config.update(
 # JAX's own threshold of 1 s leaves out most of what these tests compile.
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
-# Files that take longest, first, so that two workers end together. test_tuning_rollouts.py finds compiled what
+# Files that take longest, first, so that two workers end together. test_objective.py finds compiled what
 # test_readme.py has compiled.
-_LONGEST = ("notebooks", "readme", "falsify", "gradients", "actuators", "tuning_rollouts", "compare", "sweep")
+_LONGEST = ("notebooks", "readme", "falsify", "gradients", "actuators", "objective", "compare", "sweep")
 
 
 def pytest_collection_modifyitems(items):

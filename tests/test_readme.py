@@ -18,7 +18,7 @@ from tests import readme_worker, tuning_worker
 ROOT = Path(__file__).parent.parent
 SHORT = ["--simulation.duration", "0.1"]
 FEW = {"starts": 4, "samples": 2, "screening-samples": 2, "test-samples": 4, "budget": 0.02}
-# The loop and the gains of test_tuning_rollouts.py, whose compiled gradient this shares.
+# The loop and the gains of test_objective.py, whose compiled gradient this shares.
 TUNING = {name: value for name, value in tuning_worker.SCENARIO["tuning"].items() if name != "weights"}
 SHORT_TUNING = [
     *shlex.split(f"--simulation.duration {tuning_worker.HORIZON} --law.feedforward projected"),

@@ -1,4 +1,4 @@
-"""Results of tuning that only real rollouts can show, as JSON: run by test_tuning_rollouts.py in a process of its own.
+"""Results of tuning that only real rollouts can show, as JSON: run by test_objective.py in a process of its own.
 
 Of its own for the reason that ``gradient_worker`` gives.
 """
