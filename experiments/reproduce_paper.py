@@ -20,7 +20,7 @@ import coopmm_jax as cm
 from coopmm_jax import plotting, runtime
 from coopmm_jax.commands import BAD_INPUT, DONE, ROLLOUT_FAILED
 from coopmm_jax.files import result_folder, write_json, write_text
-from coopmm_jax.metrics.table import METRICS, SHOWN
+from coopmm_jax.metrics.table import METRICS, SHOWN, as_text
 from coopmm_jax.proof.lyapunov import Analysis, analyse, report
 from coopmm_jax.runs.store import summary
 
@@ -125,9 +125,8 @@ def table(runs: Runs, analysis: Analysis) -> str:
     width = max(map(len, SHOWN))
     lines = [f"{'feed-forward':{width}}" + "".join(f"{reading:>12}" for reading in runs)]
     for name in SHOWN:
-        unit, meaning = METRICS[name]
-        values = "".join(f"{run.metrics[name]:12.4g}" for run in runs.values())
-        lines.append(f"{name:{width}}{values} {unit:6}  {meaning}")
+        values = "".join(f"{as_text(run.metrics[name], '.4g'):>12}" for run in runs.values())
+        lines.append(f"{name:{width}}{values} {METRICS[name].unit:6}  {METRICS[name].meaning}")
     stability = report(analysis)
     lowest, highest = stability["inertia_eigenvalues"]
     excess, at = (stability["bound_40"][key] for key in ("excess", "t"))

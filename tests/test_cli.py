@@ -62,7 +62,8 @@ def test_simulate_prints_metrics(simulation, capsys):
     out = capsys.readouterr().out
     assert "20 s in 20000 steps of 0.001 s, float64" in out
     assert len(out.splitlines()) == 2 + len(SHOWN)
-    assert f"0.25 N       {METRICS['force_min'][1]}\n" in out
+    assert f"0.25 N       {METRICS['force_min'].meaning}\n" in out
+    assert f"  - s       {METRICS['settling_time'].meaning}\n" in out
 
 
 def test_overrides_reach_the_scenario(simulation):

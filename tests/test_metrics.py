@@ -8,6 +8,7 @@ import pytest
 
 import coopmm_jax as cm
 from coopmm_jax.metrics import observer as metrics
+from coopmm_jax.metrics.table import LATE, METRICS
 from coopmm_jax.parameters import Features, Hardware, Parameters, Structure
 
 STEP = 1e-3
@@ -26,9 +27,9 @@ def runs(simulated_paper):
 def statistics(name, size):
     """rms, max and final of an error's size at every sample (T,)."""
     return {
-        name.format("rms"): np.sqrt(np.mean(size**2)),
-        name.format("max"): size.max(),
-        name.format("final"): size[-1],
+        name.replace("*", "rms"): np.sqrt(np.mean(size**2)),
+        name.replace("*", "max"): size.max(),
+        name.replace("*", "final"): size[-1],
     }
 
 
@@ -49,12 +50,12 @@ def tracking(run):
         "arm": np.abs(run.arm - run.arm_desired),
     }
     norm = np.sqrt(sum(np.sum(size**2, axis=1) for size in sizes.values()))
-    expected = {"error_late": norm[late(run)].max(initial=0.0)}
+    expected = {"error_late": norm[late(run)].max() if run.ok else np.nan}
     for name, size in sizes.items():
-        expected |= statistics(f"{name}_{{}}_1", size[:, 0]) | statistics(f"{name}_{{}}_2", size[:, 1])
+        expected |= statistics(f"{name}_*_1", size[:, 0]) | statistics(f"{name}_*_2", size[:, 1])
     duration = run.scenario.simulation.duration
     unsettled = run.t[norm > 0.01]
-    expected["settling_time"] = min(unsettled[-1] + STEP, duration) if run.ok else duration
+    expected["settling_time"] = min(unsettled[-1] + STEP, duration) if run.ok else np.nan
     return expected
 
 
@@ -67,8 +68,8 @@ def object_and_tip(run):
     D = run.tip[:, 0, :2] - (run.tip[:, 1, :2] - Rc * e2)
     seen = np.stack([np.sum(D * e2, axis=1), e2[:, 0] * D[:, 1] - e2[:, 1] * D[:, 0]], axis=1)
     psi = (run.zeta_desired[:, 0, 0] + run.arm_desired[:, 0]) - (run.zeta_desired[:, 1, 0] + run.arm_desired[:, 1])
-    return statistics("object_{}", np.linalg.norm(run.tip[:, 1] - desired_object, axis=1)) | statistics(
-        "relative_tip_{}", np.linalg.norm(seen - planar(psi, Rc), axis=1)
+    return statistics("object_*", np.linalg.norm(run.tip[:, 1] - desired_object, axis=1)) | statistics(
+        "relative_tip_*", np.linalg.norm(seen - planar(psi, Rc), axis=1)
     )
 
 
@@ -77,12 +78,12 @@ def forces(run):
     late_force, late_error = force[late(run)], error[late(run)]
     return {
         "force_error_rms": np.sqrt(np.mean(error**2)),
-        "force_error_rms_late": np.sqrt(np.sum(late_error**2) / max(len(late_error), 1)),
+        "force_error_rms_late": np.sqrt(np.mean(late_error**2)) if run.ok else np.nan,
         "force_error_final": abs(error[-1]),
         "force_min": force.min(),
         "force_max": force.max(),
-        "force_min_late": late_force.min() if len(late_force) else 0.0,
-        "force_max_late": late_force.max() if len(late_force) else 0.0,
+        "force_min_late": late_force.min() if run.ok else np.nan,
+        "force_max_late": late_force.max() if run.ok else np.nan,
         "contact_loss_fraction": np.mean(force < 0),
         "contact_loss_time": STEP * np.sum(force < 0),
         "contact_loss_depth": max(-force.min(), 0.0),
@@ -97,7 +98,7 @@ def effort_and_health(run):
         "torque_peak": np.abs(run.torque).max(),
         "saturation_fraction": 0.0,
         "torque_variation": np.abs(np.diff(run.torque, axis=0)).sum(),
-        "wheel_torque_variation_late": np.abs(np.diff(wheels, axis=0)).sum(),
+        "wheel_torque_variation_late": np.abs(np.diff(wheels, axis=0)).sum() if run.ok else np.nan,
         "c_hat_max": run.c_hat.max(),
         "constraint_residual_max": np.abs(run.constraint_residual).max(),
         "singularity_margin": (determinants(run) / determinants(run)[0]).min(),
@@ -122,8 +123,8 @@ def late(run):
 def test_metrics_are_those_of_the_recorded_arrays(runs, name):
     run = runs[name]
     expected = tracking(run) | object_and_tip(run) | forces(run) | effort_and_health(run)
-    assert list(run.metrics) == list(metrics.METRICS)
-    assert set(expected) == set(metrics.METRICS)
+    assert list(run.metrics) == list(METRICS)
+    assert set(expected) == set(METRICS)
     for metric, value in expected.items():
         np.testing.assert_allclose(run.metrics[metric], value, rtol=1e-12, atol=1e-15, err_msg=metric)
 
@@ -228,14 +229,28 @@ def test_saturation_is_a_command_beyond_the_limit(limits):
     assert gathered(samples, 1.0, hardware=hardware)["saturation_fraction"] == 0.0
 
 
-def test_failure_at_the_first_sample_gives_zeros():
-    measured = {name: float(value) for name, value in gathered([], 2.0).items()}
-    assert list(measured) == list(metrics.METRICS)
-    assert measured.pop("settling_time") == 2.0
-    assert set(measured.values()) == {0.0}
+def test_failure_at_the_first_sample_leaves_nothing_to_measure():
+    measured = gathered([], 2.0)
+    assert list(measured) == list(METRICS)
+    assert np.isnan(list(measured.values())).all()
+
+
+def test_failure_before_the_late_window_leaves_late_metrics_and_settling_time_unknown():
+    """Two samples of the three that a horizon of 2 s has; late is the last one alone."""
+    measured = gathered([sample(15.0, 0.0), sample(15.0, 1.0)], 2.0)
+    late = {name for name, metric in METRICS.items() if metric.window == LATE}
+    assert {name for name, value in measured.items() if np.isnan(value)} == late | {"settling_time"}
+
+
+def test_one_late_sample_is_enough_for_late_metrics():
+    measured = gathered([sample(15.0, 0.0), sample(15.0, 1.0), sample(14.0, 3.0)], 2.0)
+    assert measured["force_min_late"] == measured["force_max_late"] == 14.0
+    assert measured["wheel_torque_variation_late"] == 0.0
 
 
 def test_gradients_are_finite_where_errors_vanish():
     slopes = jax.jit(jax.jacfwd(lambda error: gathered([sample(15.0, 0.0, error)], 0.0)))
     assert all(np.isfinite(slope) for slope in slopes(0.0).values())
+    unreached = jax.jacfwd(lambda error: gathered([sample(15.0, 0.0, error)], 9.0))(0.5)
+    assert all(np.isfinite(slope) for slope in unreached.values())
     assert slopes(0.5)["position_rms_1"] == pytest.approx(1.0)

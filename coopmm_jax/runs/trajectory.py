@@ -14,7 +14,7 @@ from coopmm_jax.control.adaptive import Regressors
 from coopmm_jax.files import versions
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.robot import PLATFORM
-from coopmm_jax.metrics.table import METRICS, SHOWN
+from coopmm_jax.metrics.table import METRICS, SHOWN, as_text
 from coopmm_jax.status import Status
 
 if TYPE_CHECKING:
@@ -153,8 +153,8 @@ class Trajectory:
     def _repr_html_(self) -> str:
         """Table for a notebook: the outcome, and the metrics that tell a good run from a bad one."""
         rows = "".join(
-            f"<tr><td>{name}</td><td>{self.metrics[name]:.4g}</td><td>{METRICS[name][0]}</td>"
-            f"<td style='text-align: left'>{html.escape(METRICS[name][1])}</td></tr>"
+            f"<tr><td>{name}</td><td>{as_text(self.metrics[name], '.4g')}</td><td>{METRICS[name].unit}</td>"
+            f"<td style='text-align: left'>{html.escape(METRICS[name].meaning)}</td></tr>"
             for name in SHOWN
         )
         ending = "" if self.ok else f"<br>{html.escape(self.status.message)}"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import collections
 import functools
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -21,6 +21,7 @@ from coopmm_jax.loop.health import Health
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.metrics import observer
+from coopmm_jax.metrics.sample import internal_force, largest_size, squared_errors
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.status import Status
@@ -66,7 +67,7 @@ class Horizon(NamedTuple):
 class Measured(NamedTuple):
     """Results of the B samples of a batch after their rollouts."""
 
-    metrics: np.ndarray  # (B, M), in the order of METRICS; NaN where the start was out of reach
+    metrics: np.ndarray  # (B, M), in the order of METRICS; NaN where a window was not reached
     status: np.ndarray  # (B,) codes of ``Status``
     status_time: np.ndarray  # (B,) of a failure [s]; NaN for none
 
@@ -83,7 +84,6 @@ def measure(structure: Structure, horizon: Horizon, device: Device, parameters: 
     plan = Plan.batch(horizon.steps, SEGMENT)
     measured, health = _run(_metrics_of, structure, plan, horizon, device, parameters)
     table = np.stack([measured[name] for name in METRICS], axis=1).astype(float)
-    table[health.status == Status.UNREACHABLE] = np.nan
     time = np.where(health.status == Status.OK, np.nan, health.step * horizon.step)
     return Measured(table, health.status.astype(np.int8), time)
 
@@ -139,20 +139,13 @@ def _series_of(
 
 def _point(structure: Structure, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
     """The entries of ``SERIES`` at one sample."""
-    squares = observer.squared_errors(parameters.reference, parameters.plant.surface, t, signals)
-    object_error, tip_error = squares.pop("object_{}"), squares.pop("relative_tip_{}")
-    contact = structure.rows.index("contact_normal")
-    others = [force for i, force in enumerate(signals.constraint_force) if i != contact]
+    errors = squared_errors(parameters.reference, parameters.plant.surface, t, signals)
     return {
-        "tracking_error": jnp.sqrt(sum(squares.values())),
-        "object_error": jnp.sqrt(object_error),
-        "relative_tip_error": jnp.sqrt(tip_error),
-        "contact_force": signals.constraint_force[contact],
-        "internal_force": _largest(others),
-        "torque": _largest([*signals.torque[0], *signals.torque[1]]),
-        "c_hat": _largest(signals.controller.c_hat),
+        "tracking_error": jnp.sqrt(errors.tracking),
+        "object_error": jnp.sqrt(errors.object),
+        "relative_tip_error": jnp.sqrt(errors.relative_tip),
+        "contact_force": signals.constraint_force[structure.rows.index("contact_normal")],
+        "internal_force": internal_force(structure, signals),
+        "torque": largest_size((*signals.torque[0], *signals.torque[1])),
+        "c_hat": largest_size(signals.controller.c_hat),
     }
-
-
-def _largest(values: Sequence[Scalar]) -> Scalar:
-    return functools.reduce(jnp.maximum, map(jnp.abs, values), 0.0)

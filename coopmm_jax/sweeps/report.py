@@ -108,7 +108,7 @@ def _metrics(results: Results) -> list[str]:
     for metric in results.metrics:
         if table := spread(results, metric):
             numbers = " ".join(f"{x:11.4g}" for x in table[:4])
-            lines.append(f"{metric:{width}} {numbers}  {METRICS[metric][0]:7} {table.worst_sample}")
+            lines.append(f"{metric:{width}} {numbers}  {METRICS[metric].unit:7} {table.worst_sample}")
     return lines if len(lines) > 1 else []
 
 

@@ -157,7 +157,7 @@ def _contents(variation: Variation, sampling: str, keep: int, tile: int) -> Cont
             "versions": versions() | {"xla_flags": " ".join(flags)},
         },
         parameters=Labels(*zip(*((n.name, n.unit, n.meaning) for n in numbers), strict=True)),
-        metrics=Labels(tuple(METRICS), *zip(*METRICS.values(), strict=True)),
+        metrics=Labels(*zip(*((m.name, m.unit, m.meaning) for m in METRICS.values()), strict=True)),
         series=Labels(tuple(SERIES), *zip(*SERIES.values(), strict=True)),
         times=_horizon(scenario).times(),
     )

@@ -24,7 +24,7 @@ from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS
-from coopmm_jax.metrics.observer import squared_errors
+from coopmm_jax.metrics.sample import squared_errors
 from coopmm_jax.parameters import Parameters, Structure
 from tuning.cost.gain_space import GainSpace, gain_space
 
@@ -141,9 +141,9 @@ def _terms(structure: Structure, parameters: Parameters, t: Scalar, signals: Sig
     desired = desired_force(parameters.reference, structure.rows)
     others = [x - d for i, (x, d) in enumerate(zip(signals.constraint_force, desired, strict=True)) if i != contact]
     return {
-        "object": errors.pop("object_{}"),
-        "relative": errors.pop("relative_tip_{}"),
-        "posture": sum(errors.values()),
+        "object": errors.object,
+        "relative": errors.relative_tip,
+        "posture": errors.tracking,
         "force": signals.force_error[contact] ** 2,
         "internal": sum((x**2 for x in others), 0.0 * t),
         "contact_loss": jnp.maximum(-signals.constraint_force[contact], 0.0) ** 2,

@@ -115,7 +115,7 @@ def _strips(axes: Axes, compared: ComparedGains, limit: Requirement) -> None:
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xmargin(0.03)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(f"{limit} [{METRICS[limit.metric][0]}]")
+    axes.set_xlabel(f"{limit} [{METRICS[limit.metric].unit}]")
     hatch_beyond(axes, limit)
 
 

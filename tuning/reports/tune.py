@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from coopmm_jax.files import write_json, write_text
+from coopmm_jax.metrics.table import as_text
 from coopmm_jax.plotting.style import publish
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps.intervals import success
@@ -84,12 +86,13 @@ def _ratio(change: Change) -> str:
 
 
 def _losses(result: TuningResult) -> str:
-    lost = result.comparison.metrics["contact_loss_fraction"]
+    lost = [row[~np.isnan(row)] for row in result.comparison.metrics["contact_loss_fraction"]]
     before, after = (int(np.sum(row > 0.0)) for row in lost)
+    shares = [as_text(float(np.mean(row)) if len(row) else math.nan, ".2g") for row in lost]
     failed = [int(np.sum(~row)) for row in result.comparison.completed]
     return (
-        f"samples that lose contact: {before} before, {after} after (mean share of time {np.mean(lost[0]):.2g} before, "
-        f"{np.mean(lost[1]):.2g} after); samples that fail: {failed[0]} before, {failed[1]} after"
+        f"samples that lose contact: {before} before, {after} after (mean share of time {shares[0]} before, "
+        f"{shares[1]} after); samples that fail: {failed[0]} before, {failed[1]} after"
     )
 
 

@@ -1,0 +1,164 @@
+"""Quantities of one sample, which the metrics reduce along a rollout."""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from coopmm_jax.algebra.matrix import dot, minus
+from coopmm_jax.algebra.sincos import sincos, wrapped
+from coopmm_jax.algebra.types import Bool, Scalar, Vector
+from coopmm_jax.control.reference import desired_motion
+from coopmm_jax.loop.devices import torque_limits
+from coopmm_jax.loop.state import Signals
+from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS, WHEELS
+from coopmm_jax.metrics.table import SETTLED
+from coopmm_jax.parameters import Hardware, Parameters, Reference, Structure, Surface
+
+# Quantities that are sums over several entries, and how many: a mean is one over all of them.
+ENTRIES = {"torque_squared": ROBOTS * ACTUATORS, "saturated": ROBOTS * ACTUATORS}
+
+
+class Errors(NamedTuple):
+    """Squared norms of the errors of one sample [rad^2, m^2]."""
+
+    heading_1: Scalar
+    heading_2: Scalar
+    position_1: Scalar
+    position_2: Scalar
+    arm_1: Scalar
+    arm_2: Scalar
+    object: Scalar
+    relative_tip: Scalar
+
+    @property
+    def tracking(self) -> Scalar:
+        """Of all heading, position and arm errors together."""
+        return sum(self[:-2])
+
+
+class Past(NamedTuple):
+    """Earlier samples, as far as a later one needs them."""
+
+    torque: Vector  # of the sample before, all actuators, wheels first [N m]
+    determinants: Vector  # |det J_dep| of each arm with dependent joints, at the first sample
+
+
+def no_past(structure: Structure) -> Past:
+    """The past of the first sample: torques (10,), determinants (1,) or (2,)."""
+    zero = jnp.zeros((), jnp.result_type(float))
+    arms = 2 if "guide_radial" in structure.rows else 1
+    return Past((zero,) * (ROBOTS * ACTUATORS), (zero,) * arms)
+
+
+def past_after(past: Past, first: Bool, signals: Signals) -> Past:
+    """The past once a sample has been taken: torques (10,), determinants (1,) or (2,).
+
+    Args:
+        past: before it.
+        first: whether it was the first one.
+        signals: of the sample.
+    """
+    both = zip(past.determinants, signals.determinants, strict=True)
+    determinants = tuple(jnp.where(first, jnp.abs(now), before) for before, now in both)
+    return Past(_torques(signals), determinants)
+
+
+def squared_errors(reference: Reference, surface: Surface, t: Scalar, signals: Signals) -> Errors:
+    """Squared norms of the errors at one sample [rad^2, m^2]; of angles modulo a turn.
+
+    The object's desired point is (Rg cos wt, Rg sin wt), w the platforms' yaw rate: along platform II's axes it is
+    (Rg cos e1, -Rg sin e1), e1 the heading error of II, so that no angle grows with time. The desired point of tip I
+    is Rc from the arc's centre along the desired direction of arm I.
+    """
+    desired = desired_motion(reference, t)
+    (p1, p2), (d1, d2) = signals.position, desired
+    heading_1, heading_2 = wrapped(p1.z1 - d1.z1), wrapped(p2.z1 - d2.z1)
+    s, c = sincos(heading_2)
+    radius = surface.guide_radius
+    object_error = minus(signals.tip[1], (radius * c, -radius * s, surface.guide_height))
+    s, c = sincos((d1.z1 - d2.z1) + (d1.arm[0] - d2.arm[0]))
+    tip_error = minus(signals.contact_point, (surface.contact_radius * c, surface.contact_radius * s))
+    vectors = (
+        *((heading_1,), (heading_2,)),
+        *((p1.z2 - d1.z2, p1.z3 - d1.z3), (p2.z2 - d2.z2, p2.z3 - d2.z3)),
+        *((wrapped(p1.a1 - d1.arm[0]),), (wrapped(p2.a1 - d2.arm[0]),)),
+        *(object_error, tip_error),
+    )
+    return Errors(*(dot(vector, vector) for vector in vectors))
+
+
+def quantities(
+    structure: Structure, parameters: Parameters, t: Scalar, step: Scalar, signals: Signals, before: Past, now: Past
+) -> dict[str, Scalar]:
+    """Quantities of one sample by name, scalars in the metrics' units or, if their names say so, squares of them.
+
+    Args:
+        structure: static choices.
+        parameters: of the rollout.
+        t: time of the sample [s].
+        step: until the next one [s].
+        signals: of the sample.
+        before: the past, up to the sample before.
+        now: the same, up to this one.
+    """
+    errors = squared_errors(parameters.reference, parameters.plant.surface, t, signals)
+    change = tuple(map(jnp.abs, minus(now.torque, before.torque)))
+    ratios = (jnp.abs(x) / first for x, first in zip(signals.determinants, now.determinants, strict=True))
+    return {
+        **{f"{name}_squared": error for name, error in errors._asdict().items()},
+        "tracking_squared": errors.tracking,
+        "unsettled_until": jnp.where(errors.tracking > SETTLED**2, t + step, 0.0),
+        **_forces(structure, signals),
+        "torque_squared": dot(now.torque, now.torque),
+        "torque_size": largest_size(now.torque),
+        "saturated": _saturated(structure, parameters.hardware, signals),
+        "torque_change": sum(change),
+        "wheel_torque_change": sum(change[: ROBOTS * WHEELS]),
+        "c_hat": largest_size(signals.controller.c_hat),
+        "constraint_residual": largest_size(signals.constraint_residual),
+        "determinant": functools.reduce(jnp.minimum, ratios),
+    }
+
+
+def _forces(structure: Structure, signals: Signals) -> dict[str, Scalar]:
+    contact = structure.rows.index("contact_normal")
+    force = signals.constraint_force[contact]
+    return {
+        "force_error_squared": signals.force_error[contact] ** 2,
+        "contact_force": force,
+        "contact_lost": jnp.where(force < 0.0, jnp.ones_like(force), 0.0),
+        "pull": jnp.maximum(-force, 0.0),
+        "internal_force": internal_force(structure, signals),
+    }
+
+
+def internal_force(structure: Structure, signals: Signals) -> Scalar:
+    """Largest size of the constraint forces but the normal contact force [N]; 0 if there are none."""
+    contact = structure.rows.index("contact_normal")
+    return largest_size(tuple(x for i, x in enumerate(signals.constraint_force) if i != contact))
+
+
+def largest_size(values: Vector) -> Scalar:
+    """Largest absolute value of (n,); 0 of nothing."""
+    return functools.reduce(jnp.maximum, map(jnp.abs, values), 0.0)
+
+
+def _torques(signals: Signals) -> Vector:
+    """Torques of all actuators, wheels first (10,) [N m]."""
+    one, two = signals.torque
+    return (*one[:WHEELS], *two[:WHEELS], *one[WHEELS:], *two[WHEELS:])
+
+
+def _saturated(structure: Structure, hardware: Hardware, signals: Signals) -> Scalar:
+    """Number of actuators that are asked for more than they can give; lag and smoothing play no part in it."""
+    if not structure.features.limits:
+        return 0.0
+    limits = torque_limits(hardware)
+    return sum(
+        jnp.where(jnp.abs(torque) > limit, 1.0, 0.0)
+        for robot in signals.commanded
+        for torque, limit in zip(robot, limits, strict=True)
+    )
