@@ -72,7 +72,7 @@ def compiled(loop: str, scenario: Scenario, elements: int) -> Program:
         return rollout(structure, parameters, step, steps, plan).state
 
     # Of two horizons, so that the start's own operations drop out.
-    one, two = (operations(lambda p, n=n: rollout(structure, p, step, n, Plan(1, n)).state, parameters) for n in (1, 2))
+    one, two = (operations(lambda p, n=n: rollout(structure, p, step, n - 1, Plan(1, n)).state, parameters) for n in (1, 2))
     batched = final if elements == 1 else jax.vmap(final, in_axes=(0, None))
     arguments = parameters if elements == 1 else jax.tree.map(lambda x: jnp.full(elements, x), parameters)
     executable = jax.jit(batched).lower(arguments, steps).compile()
