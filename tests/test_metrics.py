@@ -92,13 +92,14 @@ def forces(run):
 
 
 def effort_and_health(run):
-    wheels = run.torque[late(run)][:, :, :2]
+    wheels, joints = np.split(np.diff(run.torque[late(run)], axis=0), [2], axis=2)
     return {
         "torque_rms": np.sqrt(np.mean(run.torque**2)),
         "torque_peak": np.abs(run.torque).max(),
         "saturation_fraction": 0.0,
         "torque_variation": np.abs(np.diff(run.torque, axis=0)).sum(),
-        "wheel_torque_variation_late": np.abs(np.diff(wheels, axis=0)).sum() if run.ok else np.nan,
+        "wheel_torque_variation_late": np.abs(wheels).sum() if run.ok else np.nan,
+        "joint_torque_variation_late": np.abs(joints).sum() if run.ok else np.nan,
         "c_hat_max": run.c_hat.max(),
         "constraint_residual_max": np.abs(run.constraint_residual).max(),
         "singularity_margin": (determinants(run) / determinants(run)[0]).min(),
@@ -137,7 +138,7 @@ def test_figures_of_the_paper(simulated_paper):
     assert measured["internal_force_max"] == pytest.approx(613, abs=0.5)
 
 
-def sample(force, wheel, position_error=0.0):
+def sample(force, wheel, position_error=0.0, joint=0.0):
     """Signals as far as ``metrics`` reads them, for robots on their references at t = 0 but for z2 of robot I."""
     reference = Parameters().reference
     position = [
@@ -150,7 +151,7 @@ def sample(force, wheel, position_error=0.0):
         controller=SimpleNamespace(c_hat=(1.0, 2.0)),
         constraint_force=(force,),
         force_error=(force - 15.0,),
-        torque=((wheel, 0.0, 0.0, 0.0, 0.0), (0.0,) * 5),
+        torque=((wheel, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, joint, 0.0)),
         constraint_residual=(-1e-9,),
         tip=(None, (1.7, 0.0, 1.0)),
         contact_point=planar(position[0].a1 - position[1].a1, 0.7),
@@ -182,7 +183,8 @@ def test_hand_made_samples():
     forces = [10.0, -5.0, 20.0, -7.0, 15.0, 15.0, 14.0, 18.0]
     wheels = [0.0, 3.0, -1.0, -1.0, 0.0, 2.0, 6.0, 5.0]
     errors = [0.5, 0.2, 0.011, 0.009, 0.0, 0.0, 0.004, 0.003]
-    measured = gathered(map(sample, forces, wheels, errors), 7.0)
+    joints = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 2.0, -1.0]
+    measured = gathered(map(sample, forces, wheels, errors, joints), 7.0)
     expected = {
         "settling_time": 3.0,
         "error_late": 0.004,
@@ -198,9 +200,10 @@ def test_hand_made_samples():
         "contact_loss_time": 2.0,
         "contact_loss_depth": 7.0,
         "internal_force_max": 0.0,
-        "torque_rms": np.sqrt(76 / 80),
-        "torque_variation": 15.0,
+        "torque_rms": np.sqrt(82 / 80),
+        "torque_variation": 22.0,
         "wheel_torque_variation_late": 5.0,
+        "joint_torque_variation_late": 5.0,
         "c_hat_max": 2.0,
         "constraint_residual_max": 1e-9,
         "singularity_margin": 1.0,

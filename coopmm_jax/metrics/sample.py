@@ -117,6 +117,7 @@ def quantities(
         "saturated": _saturated(structure, parameters.hardware, signals),
         "torque_change": sum(change),
         "wheel_torque_change": sum(change[: ROBOTS * WHEELS]),
+        "joint_torque_change": sum(change[ROBOTS * WHEELS :]),
         "c_hat": largest_size(signals.controller.c_hat),
         "constraint_residual": largest_size(signals.constraint_residual),
         "determinant": functools.reduce(jnp.minimum, ratios),

@@ -39,7 +39,8 @@ def _of_error(stem: str, robot: str, unit: str, meaning: str) -> Iterator[Metric
 
 _TRACKING = "tracking error (norm of all heading, position and arm errors)"
 _FORCE, _FORCE_ERROR = "normal contact force", "normal contact force less the desired one"
-_TORQUES, _WHEELS = "torques of all ten actuators", "torques of the four wheels"
+_TORQUES = "torques of all ten actuators"
+_WHEELS, _JOINTS = "torques of the four wheels", "torques of the six arm joints"
 
 # Samples are the steps (control periods of a sampled loop) 0, 1, ..., up to the horizon or a failure.
 _TABLE = (
@@ -53,14 +54,20 @@ _TABLE = (
     *_of_error("relative_tip", "", "m", "tip I less the desired point on the object's arc, both seen from arm II"),
     Metric("error_late", "rad, m", f"{_TRACKING}: largest, late", "tracking_squared", "root_max", LATE),
     Metric(
-        *("settling_time", "s"),
+        "settling_time",
+        "s",
         f"end of the last sample with a tracking error above {SETTLED}; at most the duration",
-        *("unsettled_until", "time_if_complete"),
+        "unsettled_until",
+        "time_if_complete",
     ),
     Metric("force_error_rms", "N", f"{_FORCE_ERROR}: root mean square", "force_error_squared", "root_mean"),
     Metric(
-        *("force_error_rms_late", "N", f"{_FORCE_ERROR}: root mean square, late"),
-        *("force_error_squared", "root_mean", LATE),
+        "force_error_rms_late",
+        "N",
+        f"{_FORCE_ERROR}: root mean square, late",
+        "force_error_squared",
+        "root_mean",
+        LATE,
     ),
     Metric("force_error_final", "N", f"{_FORCE_ERROR}: last size", "force_error_squared", "root_last"),
     Metric("force_min", "N", f"{_FORCE}: smallest (negative: the contact would open)", "contact_force", "min"),
@@ -68,38 +75,67 @@ _TABLE = (
     Metric("force_min_late", "N", f"{_FORCE}: smallest, late", "contact_force", "min", LATE),
     Metric("force_max_late", "N", f"{_FORCE}: largest, late", "contact_force", "max", LATE),
     Metric(
-        *("contact_loss_fraction", "-", f"samples with a negative {_FORCE}, of all samples"),
-        *("contact_lost", "mean"),
+        "contact_loss_fraction",
+        "-",
+        f"samples with a negative {_FORCE}, of all samples",
+        "contact_lost",
+        "mean",
     ),
     Metric(
-        *("contact_loss_time", "s", f"number of samples with a negative {_FORCE}, times the step"),
-        *("contact_lost", "time"),
+        "contact_loss_time",
+        "s",
+        f"number of samples with a negative {_FORCE}, times the step",
+        "contact_lost",
+        "time",
     ),
     Metric(
-        *("contact_loss_depth", "N", "largest pull that would be needed to keep the contact; 0 without contact loss"),
-        *("pull", "max"),
+        "contact_loss_depth",
+        "N",
+        "largest pull that would be needed to keep the contact; 0 without contact loss",
+        "pull",
+        "max",
     ),
     Metric(
-        *("internal_force_max", "N", "largest size of the other constraint forces; 0 if there are no other rows"),
-        *("internal_force", "max"),
+        "internal_force_max",
+        "N",
+        "largest size of the other constraint forces; 0 if there are no other rows",
+        "internal_force",
+        "max",
     ),
     Metric("torque_rms", "N m", f"{_TORQUES}: root mean square", "torque_squared", "root_mean"),
     Metric("torque_peak", "N m", f"{_TORQUES}: largest size", "torque_size", "max"),
     Metric(
-        *("saturation_fraction", "-"),
+        "saturation_fraction",
+        "-",
         "torques commanded beyond an actuator's limit, of all samples of all ten actuators",
-        *("saturated", "mean"),
+        "saturated",
+        "mean",
     ),
     Metric("torque_variation", "N m", f"{_TORQUES}: sum of their total variations", "torque_change", "variation"),
     Metric(
-        *("wheel_torque_variation_late", "N m", f"{_WHEELS}: sum of their total variations, late"),
-        *("wheel_torque_change", "variation", LATE),
+        "wheel_torque_variation_late",
+        "N m",
+        f"{_WHEELS}: sum of their total variations, late",
+        "wheel_torque_change",
+        "variation",
+        LATE,
+    ),
+    Metric(
+        "joint_torque_variation_late",
+        "N m",
+        f"{_JOINTS}: sum of their total variations, late",
+        "joint_torque_change",
+        "variation",
+        LATE,
     ),
     Metric("c_hat_max", "-", "largest estimate c_hat of an uncertainty bound", "c_hat", "max"),
     Metric("constraint_residual_max", "m", "largest size of a constraint residual phi", "constraint_residual", "max"),
     Metric(
-        *("singularity_margin", "-", "smallest |det J_dep| of an arm over its first: 0 where an arm is singular"),
-        *("determinant", "min"),
+        "singularity_margin",
+        "-",
+        "smallest |det J_dep| of an arm over its first: 0 where an arm is singular",
+        "determinant",
+        "min",
     ),
 )
 METRICS = {metric.name: metric for metric in _TABLE}
@@ -107,7 +143,8 @@ METRICS = {metric.name: metric for metric in _TABLE}
 # Those that tell at a glance whether a run is any good.
 SHOWN = (
     *("error_late", "settling_time", "force_error_rms_late", "force_min", "force_max", "contact_loss_time"),
-    *("internal_force_max", "torque_peak", "wheel_torque_variation_late", "constraint_residual_max"),
+    *("internal_force_max", "torque_peak", "saturation_fraction", "wheel_torque_variation_late"),
+    *("joint_torque_variation_late", "constraint_residual_max"),
 )
 LOW_IS_BAD = ("force_min", "force_min_late", "singularity_margin")  # of all others the largest value is the worst
 
