@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import functools
 import statistics
 import sys
 import time
@@ -71,8 +72,11 @@ def compiled(loop: str, scenario: Scenario, elements: int) -> Program:
     def final(parameters: Any, steps: Any) -> Any:
         return rollout(structure, parameters, step, steps, plan).state
 
+    def advanced(parameters: Any, count: int) -> Any:
+        return rollout(structure, parameters, step, count - 1, Plan(1, count)).state
+
     # Of two horizons, so that the start's own operations drop out.
-    one, two = (operations(lambda p, n=n: rollout(structure, p, step, n - 1, Plan(1, n)).state, parameters) for n in (1, 2))
+    one, two = (operations(functools.partial(advanced, count=n), parameters) for n in (1, 2))
     batched = final if elements == 1 else jax.vmap(final, in_axes=(0, None))
     arguments = parameters if elements == 1 else jax.tree.map(lambda x: jnp.full(elements, x), parameters)
     executable = jax.jit(batched).lower(arguments, steps).compile()
