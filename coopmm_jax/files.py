@@ -119,8 +119,7 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            found = np.load(path, allow_pickle=False)
-            with found:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as found:
                 return {name: found[name] for name in found.files}
     except Exception as error:  # zipfile, zlib and NumPy have many
         raise ValueError(_short(error)) from None

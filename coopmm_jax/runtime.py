@@ -118,6 +118,11 @@ def use_compilation_cache() -> Path:
     return folder
 
 
+def xla_options() -> str:
+    """XLA's options of this process that a result's last digits can depend on."""
+    return " ".join(flag for flag in os.environ.get("XLA_FLAGS", "").split() if "device_count" not in flag)
+
+
 def _add_options(*options: str) -> bool:
     """Append to XLA_FLAGS what it does not set yet; False if XLA will not see all of the options."""
     missing = _missing(options)

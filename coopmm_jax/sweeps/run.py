@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import operator
-import os
 import shutil
 import time
 from collections.abc import Iterator
@@ -25,6 +24,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path, versions
 from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.runtime import xla_options
 from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
@@ -147,14 +147,13 @@ def _going_again_if_empty(store: SweepStore, fresh: bool) -> Iterator[None]:
 def _contents(variation: Variation, sampling: str, keep: int, tile: int) -> Contents:
     """Contents of this sweep's store, and all that its bits depend on."""
     scenario, numbers = variation.scenario, variation.numbers
-    flags = [flag for flag in os.environ.get("XLA_FLAGS", "").split() if "device_count" not in flag]
     return Contents(
         settings={
             "scenario": scenario.to_toml(),
             "sampling": sampling,
             "tile": tile,
             "keep": keep,
-            "versions": versions() | {"xla_flags": " ".join(flags)},
+            "versions": versions() | {"xla_flags": xla_options()},
         },
         parameters=Labels(*zip(*((n.name, n.unit, n.meaning) for n in numbers), strict=True)),
         metrics=Labels(*zip(*((m.name, m.unit, m.meaning) for m in METRICS.values()), strict=True)),

@@ -31,7 +31,7 @@ from coopmm_jax.files import hidden_folder, locked_folder, resolve_path
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.validation import validate
 from coopmm_jax.sweeps.contents import BY_SAMPLE, COORDINATES, Contents, build
-from coopmm_jax.sweeps.wholeness import CHECKSUMS, FINGERPRINT, Batches, checksum, fingerprint, inspect
+from coopmm_jax.sweeps.wholeness import CHECKSUMS, FINGERPRINT, Batches, checksum, fingerprint, inspect, written
 
 if TYPE_CHECKING:
     import xarray
@@ -105,9 +105,9 @@ class SweepStore:
 
     def dataset(self) -> xarray.Dataset:
         """Everything written so far, read when it is used; samples of damaged batches count as not computed."""
-        written = np.asarray(self._checksums[:]) != 0
-        written[list(self._damaged)] = False
-        return _opened(self._group, Batches(written, self._damaged))
+        whole = written(self._group) != 0
+        whole[list(self._damaged)] = False
+        return _opened(self._group, Batches(whole, self._damaged))
 
 
 def in_memory(contents: Contents, samples: int) -> SweepStore:

@@ -18,6 +18,7 @@ from zarr.storage import LocalStore
 
 CHECKSUMS = "checksums"  # array (batch), 0 for none
 FINGERPRINT = "fingerprint"  # attribute
+_UNREADABLE = 2  # checksums are odd
 BLOCK = 32  # batches that are read at once
 
 
@@ -52,7 +53,7 @@ def inspect(group: zarr.Group, arrays: Mapping[str, zarr.Array], size: int) -> B
         arrays: what is written batch by batch (samples, ...), by name.
         size: samples of a batch.
     """
-    given = np.asarray(cast(zarr.Array, group[CHECKSUMS])[:])
+    given = written(group)
     whole, damaged = np.zeros(len(given), bool), dict[int, str]()
     for first in range(0, len(given), BLOCK):
         for batch, found in _checksums(arrays, size, first, min(first + BLOCK, len(given))):
@@ -61,6 +62,22 @@ def inspect(group: zarr.Group, arrays: Mapping[str, zarr.Array], size: int) -> B
                 samples = f"samples {batch * size} to {min((batch + 1) * size, arrays['status'].shape[0]) - 1}"
                 damaged[batch] = f"{samples}: {_reason(group, arrays, size, batch)}"
     return Batches(whole, damaged)
+
+
+def written(group: zarr.Group) -> np.ndarray:
+    """Checksums of a store (batches,), 0 for none; one that cannot be read is none that anything has."""
+    array = cast(zarr.Array, group[CHECKSUMS])
+    try:
+        return np.asarray(array[:])
+    except Exception:  # whatever zarr makes of a damaged file
+        return np.array([_readable(array, batch) for batch in range(array.shape[0])], np.uint64)
+
+
+def _readable(array: zarr.Array, batch: int) -> int:
+    try:
+        return int(array[batch])
+    except Exception:  # whatever zarr makes of a damaged file
+        return _UNREADABLE
 
 
 def _checksums(

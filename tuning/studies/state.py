@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
-import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import locked_folder, resolve_path, write_csv, write_npz
+from coopmm_jax.files import locked_folder, read_npz, resolve_path, versions, write_csv, write_npz
+from coopmm_jax.runtime import xla_options
 
 if TYPE_CHECKING:
     from tuning.studies.result import Row
@@ -75,7 +75,7 @@ def write(folder: Path, arrays: dict[str, np.ndarray], settings: str) -> None:
         arrays: the state (...) by name.
         settings: everything that the course of the run depends on, as text.
     """
-    write_npz(folder / NAME, arrays | {_KEY: np.array(settings)})
+    write_npz(folder / NAME, arrays | {_KEY: np.array(_complete(settings))})
 
 
 def read(folder: Path, settings: str) -> dict[str, np.ndarray]:
@@ -85,15 +85,21 @@ def read(folder: Path, settings: str) -> dict[str, np.ndarray]:
         UserError: there is none, it cannot be read, or it was made with other settings.
     """
     path = folder / NAME
+    if not path.exists():
+        raise UserError("--resume", f"used with a folder that has a {NAME}", folder)
     try:
-        with np.load(path) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except FileNotFoundError:
-        raise UserError("--resume", f"used with a folder that has a {NAME}", folder) from None
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        arrays = read_npz(path)
+        before = str(arrays.pop(_KEY))
+    except (KeyError, ValueError) as error:
         raise UserError("--resume", f"used with a {NAME} that can be read", f"{path} ({error})") from None
-    _same(str(arrays.pop(_KEY)), settings)
+    _same(before, _complete(settings))
     return arrays
+
+
+def _complete(settings: str) -> str:
+    """Settings, and the software and compiler options that the bits depend on too."""
+    software = versions() | {"XLA_FLAGS": xla_options()}
+    return settings.rstrip("\n") + "".join(f"\n# {name} {value}" for name, value in software.items())
 
 
 def _same(before: str, now: str) -> None:
