@@ -13,7 +13,7 @@ from coopmm_jax.commands.fields import OVERRIDES
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path, result_folder
 from coopmm_jax.runs.store import read_run
-from coopmm_jax.scenario.scenario import Scenario, list_scenarios, load_scenario
+from coopmm_jax.scenario.scenario import Scenario, load_scenario, shipped
 
 if TYPE_CHECKING:
     from coopmm_jax.commands import Subparsers
@@ -79,7 +79,7 @@ def _shown(options: argparse.Namespace, changes: dict[str, Any]) -> dict[str, Sc
 
 def _folder(name: str) -> Path | None:
     """Folder of results of that name, unless it is a scenario; a shipped scenario goes before a folder."""
-    if name in list_scenarios():
+    if name in shipped():
         return None
     path = resolve_path(name, "SCENARIO|DIR")
     return path if path.is_dir() else None

@@ -56,24 +56,25 @@ def list_scenarios() -> dict[str, str]:
     >>> "paper" in list_scenarios()
     True
     """
-    return {name: load_scenario(name).description for name in sorted(_shipped())}
+    return {name: load_scenario(name).description for name in sorted(shipped())}
 
 
-def _shipped() -> dict[str, Path]:
+def shipped() -> dict[str, Path]:
+    """Files of the shipped scenarios by name."""
     folder = Path(str(resources.files("coopmm_jax"))) / "scenarios"
     return {path.stem: path for path in folder.glob("*.toml")}
 
 
 def _find(name_or_path: str, folder: Path, field: str) -> Path:
     """File that a name, or a path relative to ``folder``, stands for, as ``field`` of the input gives it."""
-    shipped = _shipped()
-    if name_or_path in shipped:
-        return shipped[name_or_path]
+    files = shipped()
+    if name_or_path in files:
+        return files[name_or_path]
     path = folder / resolve_path(name_or_path, field)
     if path.suffix == ".toml" or path.is_file():
         return path
-    names = ", ".join(sorted(shipped))
-    raise UserError(field, f"one of {names} or a .toml file{closest(name_or_path, shipped)}", name_or_path)
+    names = ", ".join(sorted(files))
+    raise UserError(field, f"one of {names} or a .toml file{closest(name_or_path, files)}", name_or_path)
 
 
 def _read(path: Path) -> dict[str, Any]:
