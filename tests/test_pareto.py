@@ -164,7 +164,7 @@ def test_command_writes_gains_that_can_be_used_and_overwrites_nothing(rollouts, 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--pareto", "1"], "--pareto: must be at least 2 weightings, was 1"),
+        (["--pareto", "1"], "--pareto: must be from 2 to 1000 weightings, was 1"),
         (["--pareto", "2", "--resume"], "--resume: must be left out where --pareto is given"),
         (["--pareto", "2", *(f"--tuning.weights.{name}=0" for name in pareto.EFFORT)], "one term of effort"),
     ],

@@ -56,13 +56,14 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         changes = changes | {"simulation.seed": options.seed}
     if options.gains_file is not None:
         changes = merged(read_gains(options.gains_file), changes)
-    if options.compare_random is not None and options.compare_random < 0:
-        raise UserError("--compare-random", "at least 1", options.compare_random)
     path = None if options.out is None else _new_file(options.out)
     scenario = load_scenario(options.scenario, **changes)
-    from tuning.cost.problem import build_problem
-    from tuning.studies.falsify import falsify, random_costs, table  # imports JAX, as does the next
+    from tuning.cost.problem import build_problem, check_count  # imports JAX, as does the next
+    from tuning.studies.falsify import falsify, random_costs, table
 
+    check_count(options.starts, "starts")
+    if options.compare_random:
+        check_count(options.compare_random, "--compare-random")
     with nullcontext() if path is None else result_folder(path.parent) as folder:
         problem = build_problem(scenario)
         found = falsify(scenario, options.rollouts, options.starts, problem)

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.memory import check_memory
 from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
@@ -33,6 +34,8 @@ from tuning.cost.robust_cost import RobustCost
 TEST, VALIDATION, TRAINING = 0, 1_000_000, 3_000_000
 # Sobol sets drawn for a search are numbered from 0 on; these are fixed ones.
 CHOICE, SCREENING = -1, -2
+# Memory [byte] of a sample's parameters, several times over, and of what is kept of a rollout.
+_PER_SAMPLE, _PER_ROLLOUT = 5000.0, 500.0
 _SET = 4096  # room for the noise streams of a Sobol set
 
 
@@ -121,15 +124,44 @@ def build_problem(scenario: Scenario | str | Path) -> Problem:
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
+    variation = check_tuning(scenario)
+    plausible.warn_of(scenario)
+    objective = Objective.of(scenario, variation.structure(), scenario.simulation.duration)
+    return scaled(scenario, variation, objective, objective.space.start)
+
+
+def check_tuning(scenario: Scenario) -> Variation:
+    """What varies in a scenario that can be tuned; nothing is compiled or run.
+
+    Raises:
+        UserError: nothing varies, a setting does not fit, or more samples than memory has room for.
+    """
     settings, duration = scenario.tuning, scenario.simulation.duration
     variation = vary(scenario)
     if not variation.numbers:
         raise UserError("uncertainty", "given, so that there is something to be robust against", "empty")
     if settings.tracking_from >= duration:
         raise UserError("tuning.tracking_from", f"before simulation.duration ({duration:g} s)", settings.tracking_from)
-    plausible.warn_of(scenario)
-    objective = Objective.of(scenario, variation.structure(), duration)
-    return scaled(scenario, variation, objective, objective.space.start)
+    for name in ("starts", "screening_samples", "samples", "validation_samples", "test_samples"):
+        count = getattr(settings, name)
+        check_count(count, f"tuning.{name}", settings.starts if name == "screening_samples" else 1)
+    return variation
+
+
+def check_count(count: int, field: str, candidates: int = 1) -> None:
+    """Refuse more samples than memory has room for.
+
+    Args:
+        count: of the samples, or of vectors to begin a search at.
+        field: what the user knows it as, for the error.
+        candidates: vectors that are run on each.
+
+    Raises:
+        UserError: less than one, or too many.
+    """
+    if count < 1:
+        raise UserError(field, "at least 1", count)
+    check_memory((_PER_SAMPLE + _PER_ROLLOUT * candidates) * count, field, "smaller", count)
 
 
 def scaled(scenario: Scenario, variation: Variation, objective: Objective, start: np.ndarray) -> Problem:

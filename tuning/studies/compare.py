@@ -20,7 +20,7 @@ from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import vary
 from tuning.cost.objective import Objective
-from tuning.cost.problem import TEST, Problem, scaled
+from tuning.cost.problem import TEST, Problem, check_count, scaled
 from tuning.studies.comparison import Comparison, compare
 
 OWN = "scenario"  # stands for the scenario's own gains in the place of a file
@@ -81,8 +81,8 @@ def compare_gains(
     """
     if len(sources) < 2:
         raise UserError("GAINS", f"at least two gain files, or one and the word {OWN}", f"{len(sources)}")
-    if samples is not None and samples < 1:
-        raise UserError("--samples", "at least 1", samples)
+    if samples is not None:
+        check_count(samples, "--samples", len(sources))
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
     sets = [_gains(scenario, source) for source in sources]

@@ -22,7 +22,7 @@ from coopmm_jax.scenario.variation import HIGHEST, LOWEST, Variation
 from tuning.cost import evaluate
 from tuning.cost.evaluate import Samples
 from tuning.cost.objective import FAILED
-from tuning.cost.problem import Problem, build_problem
+from tuning.cost.problem import Problem, build_problem, check_count
 from tuning.cost.robust_cost import RobustCost
 from tuning.search.ascent import LADDER, Ascent, Mark, ascend
 
@@ -126,6 +126,7 @@ def falsify(
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
+    check_count(starts, "starts")
     problem = build_problem(scenario) if problem is None else problem
     cost, variation = problem.cost, problem.variation
     found = _climbed(problem, problem.space.start, rollouts, starts)
@@ -193,8 +194,6 @@ def _horizon(cost: RobustCost) -> float:
 
 def _climbed(problem: Problem, vector: np.ndarray, rollouts: int, starts: int) -> Ascent:
     landscape = SampleCost(problem.cost, problem.variation, vector)
-    if starts < 1:
-        raise UserError("starts", "at least 1", starts)
     least = starts + landscape.slope_price + len(LADDER)
     if rollouts < least:
         raise UserError("rollouts", f"at least {least}, for {starts} starts and one step of a climb", rollouts)

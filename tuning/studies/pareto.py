@@ -22,13 +22,14 @@ from coopmm_jax.scenario.scenario import Scenario
 from tuning.cost import evaluate
 from tuning.cost.evaluate import Evaluated
 from tuning.cost.objective import TERMS
-from tuning.cost.problem import SCREENING, TEST, Problem, build_problem
+from tuning.cost.problem import SCREENING, TEST, Problem, build_problem, check_tuning
 from tuning.cost.robust_cost import RobustCost
 from tuning.cost.trials import DrawnTrials
 from tuning.search.stages import plan
 from tuning.studies.tune import Driver, Progress, Run
 
 EFFORT = ("effort", "torque_variation", "saturation")  # all other terms are of quality
+MOST = 1000  # weightings
 WEIGHTS = (0.01, 10.0)  # smallest and largest weight of effort against quality
 
 
@@ -115,12 +116,13 @@ def tune_front(
     Raises:
         UserError: fewer than two weightings, no weight on quality or on effort, or settings that cannot be met.
     """
-    if count < 2:
-        raise UserError("--pareto", "at least 2 weightings", count)
+    if not 2 <= count <= MOST:
+        raise UserError("--pareto", f"from 2 to {MOST} weightings", count)
     say = stage or (lambda name: None)
     with jax.enable_x64(True):
         chosen = plan(scenario.tuning, scenario.simulation.seed)
         groups = _groups(scenario)
+        check_tuning(scenario)
         say("compiling")
         problem = build_problem(scenario)
         weights = np.geomspace(*WEIGHTS, count)

@@ -15,7 +15,7 @@ import numpy as np
 
 from coopmm_jax.files import write_text
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
-from tuning.cost.problem import SCREENING, Problem, build_problem
+from tuning.cost.problem import SCREENING, Problem, build_problem, check_tuning
 from tuning.cost.trials import DrawnTrials, steps_of
 from tuning.search.stages import Descents, Place, Plan, plan
 from tuning.studies import state
@@ -87,6 +87,7 @@ def tune(
     with jax.enable_x64(True), state.run_folder(out, resume) as folder:
         chosen = plan(scenario.tuning, scenario.simulation.seed)
         found = state.read(folder, scenario.to_toml()) if resume and folder else None
+        check_tuning(scenario)
         say("compiling")
         problem = build_problem(scenario)
         if isinstance(chosen.wide, Descents):
