@@ -271,7 +271,7 @@ def nothing_computed() -> Iterator[None]:
 
 
 def complaint(words: list[str]) -> str | None:
-    """What is wrong with how a command ends, if anything."""
+    """Complaint about how a command ends, if there is one."""
     out, err = io.StringIO(), io.StringIO()
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

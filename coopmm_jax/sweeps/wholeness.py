@@ -75,7 +75,7 @@ def written(group: zarr.Group) -> np.ndarray:
 
 def _readable(array: zarr.Array, batch: int) -> int:
     try:
-        return int(array[batch])
+        return int(np.asarray(array[batch]))
     except Exception:  # whatever zarr makes of a damaged file
         return _UNREADABLE
 

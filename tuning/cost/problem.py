@@ -131,7 +131,7 @@ def build_problem(scenario: Scenario | str | Path) -> Problem:
 
 
 def check_tuning(scenario: Scenario) -> Variation:
-    """What varies in a scenario that can be tuned; nothing is compiled or run.
+    """Variation of a scenario that can be tuned; nothing is compiled or run.
 
     Raises:
         UserError: nothing varies, a setting does not fit, or more samples than memory has room for.
