@@ -34,7 +34,7 @@ class Progress:
         """Say what an iteration found."""
         text = (
             f"{row.stage} {row.iteration}: cost {row.training:.4g}, best {row.best:.4g}, "
-            f"{row.steps / 1e6:.0f} of {self.budget / 1e6:.0f} M steps{self._left(row)}"
+            f"{row.steps / 1e6:.3g} of {self.budget / 1e6:.3g} M steps{self._left(row)}"
         )
         if row.rejected:
             text += f"; {row.rejected} steps rejected, the next ones reach half as far"

@@ -28,6 +28,7 @@ def write_report(folder: Path, result: TuningResult) -> None:
     write_text(folder / "report.txt", table(result))
     content = {"costs": {name: change._asdict() for name, change in changes(result).items()}}
     content |= {"requirements": [_requirement(result, r) for r in result.scenario.requirements.parsed()]}
+    content |= {"robots": {"count": _count(result), "all_met": dict(zip(("before", "after"), _all_met(result)))}}
     content |= {"margins": [margin._asdict() for margin in result.margins], "at_bounds": result.at_bounds}
     content |= {"stopped": result.stopped}
     content |= {"gains": dict(zip(result.labels, np.stack([result.before, result.after], 1).tolist(), strict=True))}
@@ -47,8 +48,7 @@ def changes(result: TuningResult) -> dict[str, Change]:
 
 def table(result: TuningResult) -> str:
     """Table of costs, requirements and gains before and after, as text."""
-    count = result.comparison.costs.shape[1]
-    lines = [f"{count} untouched samples over the whole duration", ""]
+    lines = [f"{_count(result)} untouched samples over the whole duration", ""]
     lines.append(f"{'':28} {'before':>12} {'after':>12} {'ratio':>9}   95 % interval of the ratio")
     for name, change in changes(result).items():
         lines.append(f"{name:28} {change.before:12.5g} {change.after:12.5g} {_ratio(change)}")
@@ -57,6 +57,9 @@ def table(result: TuningResult) -> str:
         rates = _requirement(result, requirement)["success"].items()
         parts = (f"{when} {p['estimate']:.3f} ({p['low']:.3f} to {p['high']:.3f})" for when, p in rates)
         lines.append(f"requirement {requirement}: success {', '.join(parts)}")
+    if result.scenario.requirements.parsed():
+        before, after = _all_met(result)
+        lines.append(f"samples that meet every requirement: {before} before, {after} after, of {_count(result)}")
     lines += ["", *_gains(result), ""]
     if result.at_bounds:
         lines.append(f"at a bound of [tuning.bounds]: {', '.join(result.at_bounds)}")
@@ -94,6 +97,18 @@ def _losses(result: TuningResult) -> str:
         f"samples that lose contact: {before} before, {after} after (mean share of time {shares[0]} before, "
         f"{shares[1]} after); samples that fail: {failed[0]} before, {failed[1]} after"
     )
+
+
+def _count(result: TuningResult) -> int:
+    return result.comparison.costs.shape[1]
+
+
+def _all_met(result: TuningResult) -> list[int]:
+    """Samples that complete and meet every requirement, before and after."""
+    met = result.comparison.completed
+    for requirement in result.scenario.requirements.parsed():
+        met = met & result.comparison.met(requirement)
+    return met.sum(axis=1).tolist()
 
 
 def _requirement(result: TuningResult, requirement: Requirement) -> dict[str, Any]:

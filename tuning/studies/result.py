@@ -97,7 +97,7 @@ def gains_file(result: TuningResult) -> str:
     scenario, count = result.scenario, result.comparison.costs.shape[1]
     made = ", ".join(f"{name} {version}" for name, version in versions().items())
     lines = [
-        f"scenario: {scenario.description}",
+        f"scenario: {scenario.description or 'that of scenario.toml beside this file'}",
         f"seed {scenario.simulation.seed}; {len(result.labels)} numbers tuned: {', '.join(scenario.tuning.gains)}",
         f"mean cost on {count} untouched samples: {before:.6g} before, {after:.6g} after",
         f"search: {result.stopped or 'none'}",
