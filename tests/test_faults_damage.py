@@ -16,6 +16,7 @@ from coopmm_jax.runs.store import read_run, write_run
 from coopmm_jax.sweeps.statistics import read_results
 from coopmm_jax.sweeps.store import read_store
 from tests.sweeps import TILE, bits
+from tuning.studies import state
 
 JUNK = {"missing": None, "empty": b"", "words": b"no such thing", "null": b"null", "list": b"[[]]", "table": b"{}"}
 BATCH = 1  # the one that is spoilt, of three; the first has series
@@ -193,3 +194,23 @@ def test_arrays_of_another_kind_are_refused(wrong, folder, simulated_paper):
         np.savez(folder / "trajectory.npz", **arrays | {name: wrong})
         with pytest.raises(UserError, match=r"^run: must be a folder that coopmm simulate --out has written, was "):
             read_run(folder)
+
+
+@pytest.mark.parametrize("how", [*JUNK, "flipped"])
+def test_a_spoilt_state_is_refused_in_one_line(how, tmp_path):
+    state.write(tmp_path, {"best": np.arange(3.0)}, "k0 = 1\n")
+    spoil(tmp_path / state.NAME, how)
+    with pytest.raises(UserError, match=r"^--resume: must be used with a "):
+        state.read(tmp_path, "k0 = 1\n")
+
+
+def test_a_state_of_other_software_is_not_resumed(tmp_path, monkeypatch):
+    state.write(tmp_path, {"best": np.arange(3.0)}, "k0 = 1\n")
+    assert state.read(tmp_path, "k0 = 1\n")["best"].tolist() == [0.0, 1.0, 2.0]
+    with monkeypatch.context() as patch:
+        patch.setattr(coopmm_jax, "__version__", "9.9")
+        with pytest.raises(UserError, match=r"the settings of the run: # coopmm_jax .*, was # coopmm_jax 9\.9$"):
+            state.read(tmp_path, "k0 = 1\n")
+    monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_enable_fast_math=true")
+    with pytest.raises(UserError, match=r"was # XLA_FLAGS --xla_cpu_enable_fast_math=true$"):
+        state.read(tmp_path, "k0 = 1\n")

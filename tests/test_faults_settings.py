@@ -10,6 +10,7 @@ from coopmm_jax.scenario import overrides
 from coopmm_jax.scenario.overrides import merged
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.sweeps.run import sweep
+from tuning.search.method import method
 
 RELATIVE = 'plant.m_obj = { distribution = "uniform", low = 0.8, high = 1.2, relative = true }'
 ABSOLUTE = {"distribution": "uniform", "low": 0.4, "high": 0.9}
@@ -191,3 +192,14 @@ def test_any_text_becomes_one_short_printable_line():
 def test_distributions_that_overflow_are_refused_without_a_warning(capsys):
     law = 'uncertainty.plant.m-p={distribution="log_uniform",low=1e-300,high=1e300}'
     assert told(capsys, "simulate", "paper", f"--{law}").startswith("uncertainty.plant.m_p: must be ")
+
+
+@pytest.mark.parametrize("name", ["rprop", "optimistic_adam", "power_iteration"])
+def test_an_optimiser_that_takes_no_schedule_is_refused_with_one(name):
+    with pytest.raises(UserError, match=rf"^tuning\.optimiser: must be .* that takes a schedule .*, was {name}$"):
+        method(name, 0.1, "cosine", None, 100)
+
+
+@pytest.mark.parametrize("decay", ["constant", "cosine"])
+def test_an_optimiser_that_takes_a_schedule_is_not(decay):
+    assert method("adam", 0.1, decay, 1.0, 100).start(np.zeros(3))

@@ -66,7 +66,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         return _front(scenario, options)
     from tuning.commands.progress import Progress
     from tuning.reports.tune import table, write_report  # slow to import, as the next
-    from tuning.studies.state import SETTINGS
+    from tuning.studies.state import NAME, SETTINGS
     from tuning.studies.tune import tune
 
     shown = Progress(1e6 * scenario.tuning.budget)
@@ -77,7 +77,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     try:
         result = tune(scenario, options.out, options.resume, shown.row, shown.stage, limit)
     except KeyboardInterrupt:
-        print(f"\ngo on by {again}", file=sys.stderr)
+        if (resolve_path(options.out, "--out") / NAME).exists():
+            print(f"\ngo on by {again}", file=sys.stderr)
         raise
     with result_folder(options.out) as folder:
         write_report(folder, result)

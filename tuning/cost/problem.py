@@ -145,6 +145,7 @@ def check_tuning(scenario: Scenario) -> Variation:
     for name in ("starts", "screening_samples", "samples", "validation_samples", "test_samples"):
         count = getattr(settings, name)
         check_count(count, f"tuning.{name}", settings.starts if name == "screening_samples" else 1)
+    Objective.of(scenario, variation.structure(), duration)  # has bounds that can be wrong
     return variation
 
 
@@ -159,8 +160,8 @@ def check_count(count: int, field: str, candidates: int = 1) -> None:
     Raises:
         UserError: less than one, or too many.
     """
-    if count < 1:
-        raise UserError(field, "at least 1", count)
+    if not 1 <= count < 2**31:
+        raise UserError(field, "at least 1" if count < 1 else f"less than {2**31}", count)
     check_memory((_PER_SAMPLE + _PER_ROLLOUT * candidates) * count, field, "smaller", count)
 
 

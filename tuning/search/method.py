@@ -99,11 +99,21 @@ def method(name: str, learning_rate: float, decay: str, clip: float | None, step
     rate = optax.cosine_decay_schedule(learning_rate, steps) if decay == "cosine" else learning_rate
     try:
         chosen = getattr(optax, name)(rate)
-    except (AttributeError, TypeError):
-        chosen = None
-    if not isinstance(chosen, optax.GradientTransformation):
-        raise UserError("tuning.optimiser", "auto, cma, lbfgs or an optimiser of optax, as adam", name)
+        _try(chosen)
+    except Exception:  # optax's functions refuse what they cannot use in many ways
+        scheduled = ", that takes a schedule of the learning rate" if decay == "cosine" else ""
+        must = f"auto, cma, lbfgs or an optimiser of optax, as adam{scheduled}"
+        raise UserError("tuning.optimiser", must, name) from None
     return Optax(chosen if clip is None else optax.chain(optax.clip_by_global_norm(clip), chosen))
+
+
+def _try(chosen: Any) -> None:
+    """Let an optimiser take a step with nothing but a gradient."""
+    if not isinstance(chosen, optax.GradientTransformation):
+        raise TypeError(chosen)
+    with jax.enable_x64(True):
+        ones = np.ones(2)
+        chosen.update(ones, chosen.init(ones), ones)
 
 
 class Trials(Protocol):
