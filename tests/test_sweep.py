@@ -18,7 +18,8 @@ from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.variation import vary
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps import measure
-from coopmm_jax.sweeps.processes import Share, concurrently
+from coopmm_jax.sweeps.batch import concurrently
+from coopmm_jax.sweeps.processes import Share
 from coopmm_jax.sweeps.store import chunk_file
 from tests.sweeps import TILE, bits
 from tests.workers import environment

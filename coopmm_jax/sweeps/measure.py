@@ -1,14 +1,8 @@
-"""Tiles of a sweep: a fixed number of samples through one compiled function.
-
-Every sample goes through the same executable with the same number of neighbours, so its bits depend neither on how
-many samples the sweep has, nor on where it was interrupted, nor on how many processes share it.
-"""
+"""Rollouts of a batch of samples: their metrics, or series of a few quantities over time."""
 
 from __future__ import annotations
 
-import collections
 import functools
-import threading
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -25,11 +19,10 @@ from coopmm_jax.metrics.sample import internal_force, largest_size, squared_erro
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.status import Status
-from coopmm_jax.sweeps.processes import Device
+from coopmm_jax.sweeps.batch import Device, Program, run
 
 SEGMENT = 64  # steps; a horizon is rounded up to a whole number of segments
 POINTS = 400  # of a kept series, at most one more
-_COMPILING: dict[Callable, threading.Lock] = collections.defaultdict(threading.Lock)  # threads share a kind's program
 
 # name -> (unit, meaning) of what is kept over time of a few samples
 SERIES: dict[str, tuple[str, str]] = {
@@ -97,29 +90,13 @@ def trace(structure: Structure, horizon: Horizon, device: Device, parameters: Pa
 
 
 def _run(
-    kind: Callable, structure: Structure, plan: Plan, horizon: Horizon, device: Device, parameters: Parameters
+    function: Callable, structure: Structure, plan: Plan, horizon: Horizon, device: Device, parameters: Parameters
 ) -> Any:
+    """Results of a program for all numbers, and for all horizons of one plan."""
     dtype = np.dtype(horizon.precision)
     parameters = jax.tree.map(lambda x: np.ascontiguousarray(x, dtype), parameters)
-    arguments = (parameters, np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32))
-    with jax.enable_x64(dtype == np.float64):  # of this thread only
-        with _COMPILING[kind]:
-            shape = jax.tree.structure(parameters), np.size(parameters.plant.gravity)
-            executable = _executable(kind, structure, plan, dtype, device, *shape)
-        return jax.device_get(executable(*jax.device_put(arguments, device)))
-
-
-@functools.lru_cache(maxsize=8)
-def _executable(
-    kind: Callable, structure: Structure, plan: Plan, dtype: np.dtype, device: Device, tree: Any, size: int
-) -> Callable:
-    """One program for all numbers, and for all horizons of one plan."""
-    place = jax.sharding.SingleDeviceSharding(device)
-    leaf = jax.ShapeDtypeStruct((size,), dtype, sharding=place)
-    batched = jax.tree.unflatten(tree, [leaf] * tree.num_leaves)
-    step, steps = (jax.ShapeDtypeStruct((), kind, sharding=place) for kind in (dtype, np.int32))
-    function = jax.vmap(functools.partial(kind, structure, plan), in_axes=(0, None, None))
-    return jax.jit(function).lower(batched, step, steps).compile()
+    extent = (np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32))
+    return run(Program(function, (structure, plan)), device, (parameters,), extent)
 
 
 def _metrics_of(

@@ -1,4 +1,4 @@
-"""Share of this process in a sweep, and the spread of its batches over its devices.
+"""Share of this process in a sweep.
 
 >>> list(Share(rank=1, size=3).tiles(8))
 [1, 4, 7]
@@ -6,16 +6,10 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, as_completed, wait
-from queue import SimpleQueue
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.sweeps.rendezvous import meet
-
-Device: TypeAlias = Any  # a jax.Device, for which JAX has no class that type checkers know
 
 
 class Share(NamedTuple):
@@ -72,44 +66,3 @@ def _by_hand(rank: int | None, size: int | None) -> Share | None:
     if not 0 <= rank < size:
         raise UserError("--rank", f"from 0 to --size - 1 ({size - 1})", rank)
     return Share(rank, size)
-
-
-def slots() -> list[Device]:
-    """Local devices, each as often as it should have batches in flight.
-
-    A batch keeps one CPU core busy, so the CPU's devices get one thread for each core; another device gets two, so that
-    it computes while the host writes.
-    """
-    import jax
-
-    devices = jax.local_devices()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    each = max(1, cores // len(devices)) if devices[0].platform == "cpu" else 2
-    return devices * each
-
-
-def concurrently(function: Callable[[Any, Any], Any], items: Iterable[Any], slots: list[Any]) -> Iterator[Any]:
-    """Results of ``function(slot, item)`` for every item, one at a time in each slot, in the order in which they end.
-
-    Items are taken only when a slot is free, so however many there are, few exist at a time. After an exception no
-    further item is taken, and it is raised when those under way have ended.
-    """
-    free: SimpleQueue = SimpleQueue()
-    for slot in slots:
-        free.put(slot)
-
-    def run(item: Any) -> Any:
-        slot = free.get()
-        try:
-            return function(slot, item)
-        finally:
-            free.put(slot)
-
-    with ThreadPoolExecutor(len(slots)) as pool:
-        pending: set = set()
-        for item in items:
-            if len(pending) == len(slots):
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                yield from (future.result() for future in done)
-            pending.add(pool.submit(run, item))
-        yield from (future.result() for future in as_completed(pending))

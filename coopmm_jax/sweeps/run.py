@@ -31,9 +31,10 @@ from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import Variation, vary
 from coopmm_jax.sweeps import measure
 from coopmm_jax.sweeps import store as sweep_store
+from coopmm_jax.sweeps.batch import concurrently, slots
 from coopmm_jax.sweeps.contents import Contents, Labels
 from coopmm_jax.sweeps.measure import SERIES, Horizon
-from coopmm_jax.sweeps.processes import Share, concurrently, slots
+from coopmm_jax.sweeps.processes import Share
 from coopmm_jax.sweeps.store import SweepStore
 
 if TYPE_CHECKING:

@@ -1,10 +1,11 @@
-"""Candidates times samples as lanes of one fixed tile, so that no lane's bits depend on how many others there are."""
+"""Costs, terms and gradients of candidates on samples, one batch element for each pair."""
 
 from __future__ import annotations
 
 import copy
 import functools
 import threading
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -13,14 +14,13 @@ import numpy as np
 
 from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.parameters import Parameters
-from coopmm_jax.sweeps.processes import concurrently, slots
+from coopmm_jax.sweeps.batch import Device, Program, in_batches, prepare, run, slots
 from tuning.cost.objective import FAILED, TERMS, Objective
 
-TILE = 32  # lanes: one core is fastest with 32 to 64, and the usual 16 candidates x 4 samples fill two cores
+BATCH = 32  # elements: one core is fastest with 32 to 64, and the usual 16 candidates x 4 samples fill two cores
 # What differentiates by a sample's numbers takes LLVM minutes to optimise, and is run a few times: without, it compiles
 # four times as fast and runs three times as slow.
-_UNOPTIMISED: dict[str, Any] = {"xla_backend_optimization_level": 0}
-_COMPILING = {kind: threading.Lock() for kind in ("terms", "gradient", "sensitivity")}
+_UNOPTIMISED = (("xla_backend_optimization_level", 0),)
 
 
 class Samples:
@@ -55,7 +55,7 @@ class Evaluated(NamedTuple):
 
 def evaluate(objective: Objective, vectors: np.ndarray, samples: Samples) -> Evaluated:
     """Terms of every candidate (C, n) on every sample."""
-    return Evaluated(*_run("terms", objective, vectors, samples, np.zeros(len(TERMS))))
+    return Evaluated(*_run(_terms, objective, vectors, samples, np.zeros(len(TERMS))))
 
 
 def gradients(
@@ -68,7 +68,7 @@ def gradients(
     Reverse mode costs 5 to 6 cost evaluations whatever n, forward mode about 1 + 2 n (measured): forward mode would pay
     for two numbers or one, too rarely for a program of its own.
     """
-    costs, slopes = _run("gradient", objective, vectors, samples, coefficients)
+    costs, slopes = _run(_gradient, objective, vectors, samples, coefficients)
     return costs, slopes
 
 
@@ -78,62 +78,61 @@ def compile_gradients(objective: Objective, samples: Samples) -> None:
     LLVM spends most of it on one function, on one core: meanwhile another compiles and runs what the search begins
     with. What goes wrong shows when ``gradients`` is called.
     """
-    program = ("gradient", objective, samples.structure, samples.rows.shape[1])
-    threading.Thread(target=_compiled, args=program, name="compile gradients").start()
+    double = functools.partial(jax.ShapeDtypeStruct, dtype=np.float64)
+    sizes = (objective.space.size, samples.rows.shape[1], len(TERMS))
+    elements = tuple(double((BATCH, size)) for size in sizes)
+    arguments = (_program(_gradient, objective, samples), slots()[0], elements)
+    threading.Thread(target=prepare, args=arguments, name="compile gradients").start()
 
 
 def sensitivities(
     objective: Objective, vectors: np.ndarray, samples: Samples, coefficients: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Costs (C, N) and their gradients by the samples' own numbers (C, N, leaves), in the order of ``Samples.rows``."""
-    costs, slopes = _run("sensitivity", objective, vectors, samples, coefficients)
+    costs, slopes = _run(_sensitivity, objective, vectors, samples, coefficients)
     return costs, slopes
 
 
 def _run(
-    kind: str, objective: Objective, vectors: np.ndarray, samples: Samples, coefficients: np.ndarray
+    function: Callable, objective: Objective, vectors: np.ndarray, samples: Samples, coefficients: np.ndarray
 ) -> list[np.ndarray]:
     """Results of every candidate on every sample, each (C, N, ...)."""
     candidates, count = len(vectors), len(samples)
-    lanes = candidates * count
     coefficients = np.broadcast_to(coefficients, (candidates, len(TERMS)))
-    lane = np.minimum(np.arange(-(-lanes // TILE) * TILE), lanes - 1)  # what pads a tile repeats the last lane
-    starts = range(0, len(lane), TILE)
-    found: dict[int, Any] = {}
+    program = _program(function, objective, samples)
 
-    def compute(_: Any, start: int) -> None:
-        candidate, sample = np.divmod(lane[start : start + TILE], count)
-        function = _compiled(kind, objective, samples.structure, samples.rows.shape[1])
-        with jax.enable_x64(True):
-            found[start] = jax.device_get(function(vectors[candidate], samples.rows[sample], coefficients[candidate]))
+    def compute(device: Device, pairs: np.ndarray) -> Any:
+        candidate, sample = np.divmod(pairs, count)
+        return run(program, device, (vectors[candidate], samples.rows[sample], coefficients[candidate]))
 
-    for _ in concurrently(compute, starts, slots()):
-        pass
-    columns = zip(*(found[start] for start in starts), strict=True)
-    arrays = [np.concatenate(parts)[:lanes] for parts in columns]
+    arrays = in_batches(compute, candidates * count, BATCH)
     return [array.reshape(candidates, count, *array.shape[1:]) for array in arrays]
 
 
-def _compiled(kind: str, objective: Objective, structure: Any, leaves: int) -> Any:
-    with _COMPILING[kind], jax.enable_x64(True):  # threads that need the same program share one
-        return _program(kind, objective, structure, leaves)
+def _program(function: Callable, objective: Objective, samples: Samples) -> Program:
+    return Program(function, (objective, samples.structure), _UNOPTIMISED if function is _sensitivity else ())
 
 
-@functools.lru_cache(maxsize=16)
-def _program(kind: str, objective: Objective, structure: Any, leaves: int) -> Any:
-    def lane(vector: jax.Array, row: jax.Array, coefficients: jax.Array) -> tuple:
-        def parameters(row: jax.Array) -> Parameters:
-            return jax.tree.unflatten(structure, [row[i] for i in range(leaves)])
+def _terms(objective: Objective, structure: Any, vector: jax.Array, row: jax.Array, _: jax.Array) -> tuple:
+    terms, completed, survived = objective.evaluate(vector, _parameters(structure, row))
+    return jnp.stack(terms), completed, survived
 
-        def cost(vector: jax.Array, row: jax.Array) -> Scalar:
-            return objective.cost(vector, parameters(row), coefficients, True)
 
-        if kind == "terms":
-            terms, completed, survived = objective.evaluate(vector, parameters(row))
-            return jnp.stack(terms), completed, survived
-        return jax.value_and_grad(cost, {"gradient": 0, "sensitivity": 1}[kind])(vector, row)
+def _gradient(
+    objective: Objective, structure: Any, vector: jax.Array, row: jax.Array, coefficients: jax.Array
+) -> tuple:
+    return jax.value_and_grad(_cost, 2)(objective, structure, vector, row, coefficients)
 
-    double = functools.partial(jax.ShapeDtypeStruct, dtype=np.float64)
-    arguments = double((TILE, objective.space.size)), double((TILE, leaves)), double((TILE, len(TERMS)))
-    options = _UNOPTIMISED if kind == "sensitivity" else None
-    return jax.jit(jax.vmap(lane)).lower(*arguments).compile(compiler_options=options)
+
+def _sensitivity(
+    objective: Objective, structure: Any, vector: jax.Array, row: jax.Array, coefficients: jax.Array
+) -> tuple:
+    return jax.value_and_grad(_cost, 3)(objective, structure, vector, row, coefficients)
+
+
+def _cost(objective: Objective, structure: Any, vector: jax.Array, row: jax.Array, coefficients: jax.Array) -> Scalar:
+    return objective.cost(vector, _parameters(structure, row), coefficients, True)
+
+
+def _parameters(structure: Any, row: jax.Array) -> Parameters:
+    return jax.tree.unflatten(structure, [row[i] for i in range(structure.num_leaves)])

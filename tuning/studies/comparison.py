@@ -14,10 +14,10 @@ from coopmm_jax.parameters import Parameters
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps import measure
+from coopmm_jax.sweeps.batch import Device, in_batches, slots
 from coopmm_jax.sweeps.measure import Horizon
-from coopmm_jax.sweeps.processes import Device, concurrently, slots
 from tuning.cost import evaluate
-from tuning.cost.evaluate import TILE, Samples
+from tuning.cost.evaluate import BATCH, Samples
 from tuning.cost.risk import tail_shares
 
 if TYPE_CHECKING:
@@ -59,8 +59,8 @@ def compare(problem: Problem, vectors: np.ndarray, first: int, count: int) -> Co
     return Comparison(
         costs=found.costs(cost.coefficients),
         terms=found.terms,
-        metrics={name: np.stack([table[:, i] for table, _ in measured]) for i, name in enumerate(METRICS)},
-        status=np.stack([status for _, status in measured]),
+        metrics={name: np.stack([one.metrics[:, i] for one in measured]) for i, name in enumerate(METRICS)},
+        status=np.stack([one.status for one in measured]),
         times=horizon.times(),
         series={name: np.stack([one[name] for one in series]) for name in series[0]},
     )
@@ -73,23 +73,15 @@ def _with_gains(problem: Problem, vector: np.ndarray, samples: Samples, rows: np
     return parameters._replace(gains=gains)
 
 
-def _measured(
-    problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon
-) -> tuple[np.ndarray, np.ndarray]:
-    """Metrics (N, M) and status (N,) of every sample."""
-    results: dict[int, measure.Measured] = {}
+def _measured(problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon) -> measure.Measured:
+    """Metrics and status of every sample (N)."""
 
-    def compute(device: Device, start: int) -> None:
-        rows = np.minimum(np.arange(start, start + TILE), len(samples) - 1)
+    def compute(device: Device, rows: np.ndarray) -> measure.Measured:
         with jax.enable_x64(True):
             parameters = _with_gains(problem, vector, samples, rows)
-        results[start] = measure.measure(problem.variation.structure(), horizon, device, parameters)
+        return measure.measure(problem.variation.structure(), horizon, device, parameters)
 
-    for _ in concurrently(compute, range(0, len(samples), TILE), slots()):
-        pass
-    in_order = [results[start] for start in sorted(results)]
-    metrics, status = [one.metrics for one in in_order], [one.status for one in in_order]
-    return np.concatenate(metrics)[: len(samples)], np.concatenate(status)[: len(samples)]
+    return in_batches(compute, len(samples), BATCH)
 
 
 def _series(problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon) -> dict[str, np.ndarray]:

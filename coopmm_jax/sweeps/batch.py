@@ -1,0 +1,148 @@
+"""Batches: a fixed number of elements through a program that is compiled once, as many at a time as devices can take.
+
+Every element goes through the same executable with the same number of neighbours, so its bits depend neither on how
+many elements there are, nor on where a sweep was interrupted, nor on how many processes share it.
+
+>>> in_batches(lambda device, rows: rows**2, count=5, size=2)
+array([ 0,  1,  4,  9, 16])
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import threading
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, as_completed, wait
+from queue import SimpleQueue
+from typing import Any, NamedTuple, TypeAlias
+
+import jax
+import numpy as np
+
+Device: TypeAlias = Any  # a jax.Device, for which JAX has no class that type checkers know
+_KEPT = 24  # executables
+
+
+class Program(NamedTuple):
+    """Function of one batch element, and what is fixed when it is compiled."""
+
+    function: Callable[..., Any]  # (*fixed, *elements, *shared), at the top of a module
+    fixed: tuple[Hashable, ...]
+    options: tuple[tuple[str, Any], ...] = ()  # of XLA, by name
+
+
+def run(program: Program, device: Device, elements: tuple[Any, ...], shared: tuple[Any, ...] = ()) -> Any:
+    """Results of a batch, NumPy arrays (B, ...), in double precision if any argument is.
+
+    Args:
+        program: compiled if it has not been yet for this device and arguments of these shapes.
+        device: to run on.
+        elements: arguments that each batch element has its own of: pytrees of NumPy arrays (B, ...).
+        shared: arguments that all have in common: pytrees of NumPy arrays.
+    """
+    with jax.enable_x64(_double((elements, shared))):  # of this thread only
+        executable = _executable(program, device, elements, shared)
+        return jax.device_get(executable(*jax.device_put((*elements, *shared), device)))
+
+
+def prepare(program: Program, device: Device, elements: tuple[Any, ...], shared: tuple[Any, ...] = ()) -> None:
+    """Compile what ``run`` needs for arguments of these shapes; ``jax.ShapeDtypeStruct`` will do for an array."""
+    with jax.enable_x64(_double((elements, shared))):
+        _executable(program, device, elements, shared)
+
+
+def in_batches(compute: Callable[[Device, np.ndarray], Any], count: int, size: int) -> Any:
+    """Results of N elements, computed batch by batch on all devices: a pytree of arrays (N, ...).
+
+    Args:
+        compute: results (B, ...) of the elements at some positions (B,), on a device.
+        count: number of elements N, at least one.
+        size: of a batch B. The last one is filled up with the last element.
+    """
+    starts = range(0, count, size)
+    found: dict[int, Any] = {}
+
+    def one(device: Device, start: int) -> None:
+        found[start] = compute(device, np.minimum(np.arange(start, start + size), count - 1))
+
+    for _ in concurrently(one, starts, slots()):
+        pass
+    return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *(found[start] for start in starts))
+
+
+def slots() -> list[Device]:
+    """Local devices, each as often as it should have batches in flight.
+
+    A batch keeps one CPU core busy, so the CPU's devices get one thread for each core; another device gets two, so that
+    it computes while the host writes.
+    """
+    devices = jax.local_devices()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    each = max(1, cores // len(devices)) if devices[0].platform == "cpu" else 2
+    return devices * each
+
+
+def concurrently(function: Callable[[Any, Any], Any], items: Iterable[Any], slots: list[Any]) -> Iterator[Any]:
+    """Results of ``function(slot, item)`` for every item, one at a time in each slot, in the order in which they end.
+
+    Items are taken only when a slot is free, so however many there are, few exist at a time. After an exception no
+    further item is taken, and it is raised when those under way have ended.
+    """
+    free: SimpleQueue = SimpleQueue()
+    for slot in slots:
+        free.put(slot)
+
+    def run(item: Any) -> Any:
+        slot = free.get()
+        try:
+            return function(slot, item)
+        finally:
+            free.put(slot)
+
+    with ThreadPoolExecutor(len(slots)) as pool:
+        pending: set = set()
+        for item in items:
+            if len(pending) == len(slots):
+                done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in done)
+            pending.add(pool.submit(run, item))
+        yield from (future.result() for future in as_completed(pending))
+
+
+class _Compilation:
+    """Executable that the first thread to need it compiles, while others that need it wait and other programs go on."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.executable: Any = None
+
+
+_looking_up = threading.Lock()  # two threads that miss at the same time would get two compilations
+
+
+@functools.lru_cache(maxsize=_KEPT)
+def _compilation(*key: Hashable) -> _Compilation:
+    return _Compilation()
+
+
+def _executable(program: Program, device: Device, elements: tuple[Any, ...], shared: tuple[Any, ...]) -> Any:
+    leaves, structure = jax.tree.flatten((elements, shared))
+    with _looking_up:
+        entry = _compilation(program, device, structure, tuple((leaf.shape, leaf.dtype) for leaf in leaves))
+    with entry.lock:
+        if entry.executable is None:
+            entry.executable = _compiled(program, device, elements, shared)
+    return entry.executable
+
+
+def _compiled(program: Program, device: Device, elements: tuple[Any, ...], shared: tuple[Any, ...]) -> Any:
+    place = jax.sharding.SingleDeviceSharding(device)
+    described = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=place), (*elements, *shared))
+    axes = (0,) * len(elements) + (None,) * len(shared)
+    function = jax.vmap(functools.partial(program.function, *program.fixed), in_axes=axes)
+    return jax.jit(function).lower(*described).compile(compiler_options=dict(program.options) or None)
+
+
+def _double(arguments: Any) -> bool:
+    return any(leaf.dtype == np.float64 for leaf in jax.tree.leaves(arguments))
