@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import inspect
 import os
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -43,7 +44,8 @@ def trajectory(scenario: cm.Scenario) -> str:
 
 def sweep(scenario: cm.Scenario) -> str:
     """Digest of four samples of 0.2 s: parameters, metrics, status and series."""
-    data = cm.sweep(_varied(scenario, 0.2), samples=4, keep=2, tile=4)
+    size = next(name for name in ("batch", "tile") if name in inspect.signature(cm.sweep).parameters)  # its older name
+    data = cm.sweep(_varied(scenario, 0.2), samples=4, keep=2, **{size: 4})
     return digest(*(data[name].values for name in sorted(data.data_vars)))
 
 

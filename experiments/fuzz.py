@@ -43,7 +43,7 @@ from coopmm_jax.sweeps.measure import Measured
 from tuning.cost import evaluate
 from tuning.studies import state
 
-_SWEPT = "--out s.zarr --tile 8 --keep 8 --samples 24"
+_SWEPT = "--out s.zarr --batch 8 --keep 8 --samples 24"
 LONGEST = 500  # characters of a message
 VARIED = {"disturbance.phase": {"distribution": "uniform", "low": 0.0, "high": 6.0}}
 _NAMES = [f"{section}.{field}" for section, table in Scenario() if section != "description" for field, _ in table]
@@ -116,7 +116,7 @@ class Fuzzer:
                 "--seed",
                 "--sampling",
                 "--keep",
-                "--tile",
+                "--batch",
                 "--rank",
                 "--size",
             ],
@@ -233,7 +233,7 @@ def _prepare(folder: Path) -> None:
     short = load_scenario("paper", simulation={"duration": 0.05}, uncertainty=VARIED)
     (folder / "v.toml").write_text(short.to_toml(), encoding="utf-8")
     with mock.patch.multiple(measure, measure=_measured, trace=_traced):
-        cm.sweep(short, samples=24, tile=8, keep=8, out=folder / "s.zarr")
+        cm.sweep(short, samples=24, batch=8, keep=8, out=folder / "s.zarr")
     run = cm.simulate(load_scenario("paper", simulation={"duration": 0.02}))
     (folder / "run").mkdir()
     write_run(folder / "run", run.scenario, run)

@@ -1,4 +1,4 @@
-"""Sweeps of a short scenario with one tile size, made once for all test files: a plugin that ``conftest.py`` names."""
+"""Sweeps of a short scenario with one batch size, made once for all test files: a plugin that ``conftest.py`` names."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ import pytest
 import coopmm_jax as cm
 from coopmm_jax.sweeps import measure
 
-TILE = 8
+BATCH = 8
 ENTRIES = {
     "plant.masses": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True, "each": True},
     "disturbance.scale": {"distribution": "log_uniform", "low": 0.1, "high": 1e6},  # the strongest end in failure
@@ -34,10 +34,10 @@ def scenario():
 
 @pytest.fixture(scope="session")
 def sweep(scenario):
-    """``cm.sweep`` with tiles of one size, so that all tests share its programs."""
+    """``cm.sweep`` with batches of one size, so that all tests share its programs."""
 
     def run(samples=None, scenario=scenario, keep=0, **options):
-        return cm.sweep(scenario, samples, keep=keep, tile=TILE, **options)
+        return cm.sweep(scenario, samples, keep=keep, batch=BATCH, **options)
 
     return run
 
@@ -59,7 +59,7 @@ def start(scenario, tmp_path):
     cache = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir}
     environment = os.environ | cache | {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.1"}
     code = "import sys; from coopmm_jax.cli import main; sys.exit(main(sys.argv[1:]))"
-    fixed = [sys.executable, "-c", code, "sweep", "scenario.toml", "--keep", "0", "--tile", str(TILE)]
+    fixed = [sys.executable, "-c", code, "sweep", "scenario.toml", "--keep", "0", "--batch", str(BATCH)]
     processes = []
 
     def run(*arguments):

@@ -11,7 +11,7 @@ from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.variation import vary
 from tests import falsify_worker
 from tests.workers import run_worker
-from tuning.cost import evaluate as tiles
+from tuning.cost import evaluate as batches
 from tuning.cost.objective import FAILED, TERMS
 from tuning.cost.problem import build_problem
 from tuning.search.ascent import LADDER, ascend
@@ -121,12 +121,12 @@ def failing(monkeypatch):
         mass = samples.rows[:, 0] * 0.0 + heaviest(samples)
         lost = (mass > 5.5)[None].repeat(len(vectors), 0)
         terms = np.tile(mass[None, :, None], (len(vectors), 1, len(TERMS)))
-        return tiles.Evaluated(terms, ~lost, np.where(lost, 0.5, 1.0))
+        return batches.Evaluated(terms, ~lost, np.where(lost, 0.5, 1.0))
 
     def heaviest(samples):
         return jax.tree.unflatten(samples.structure, list(samples.rows.T)).plant.inertia[0].m_p
 
-    monkeypatch.setattr(tiles, "evaluate", evaluate)
+    monkeypatch.setattr(batches, "evaluate", evaluate)
 
 
 def test_a_rollout_that_fails_is_worst_of_all_and_ends_the_search(failing):

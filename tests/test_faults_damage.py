@@ -15,18 +15,18 @@ from coopmm_jax.plotting import style
 from coopmm_jax.runs.store import read_run, write_run
 from coopmm_jax.sweeps.statistics import read_results
 from coopmm_jax.sweeps.store import read_store
-from tests.sweeps import TILE, bits
+from tests.sweeps import BATCH, bits
 from tuning.studies import state
 
 JUNK = {"missing": None, "empty": b"", "words": b"no such thing", "null": b"null", "list": b"[[]]", "table": b"{}"}
-BATCH = 1  # the one that is spoilt, of three; the first has series
+SPOILT = 1  # the one that is spoilt, of three; the first has series
 
 
 @pytest.fixture(scope="module")
 def whole(sweep, tmp_path_factory):
     """A store of three batches, never to be changed."""
     path = tmp_path_factory.mktemp("whole") / "s.zarr"
-    sweep(3 * TILE, keep=TILE, out=path)
+    sweep(3 * BATCH, keep=BATCH, out=path)
     return path
 
 
@@ -61,7 +61,7 @@ def reported(capsys, *more):
 
 @pytest.mark.parametrize("how", ["flipped", "missing", "empty", "words"])
 @pytest.mark.parametrize(
-    "chunk", [f"parameters/c/{BATCH}/0", f"metrics/c/{BATCH}/0", f"status/c/{BATCH}", f"status_time/c/{BATCH}"]
+    "chunk", [f"parameters/c/{SPOILT}/0", f"metrics/c/{SPOILT}/0", f"status/c/{SPOILT}", f"status_time/c/{SPOILT}"]
 )
 def test_a_spoilt_batch_is_named_and_not_counted(chunk, how, store, whole, capsys):
     spoil(store / chunk, how)
@@ -70,7 +70,7 @@ def test_a_spoilt_batch_is_named_and_not_counted(chunk, how, store, whole, capsy
     assert f"samples 8 to 15: {chunk} is {'missing' if how == 'missing' else 'corrupt'})" in err
     assert f"damaged, and not counted: samples 8 to 15: {chunk} is " in out
     spoilt, complete = read_results(read_store(store)), read_results(read_store(whole))
-    others = [i for i in range(3 * TILE) if i // TILE != BATCH]
+    others = [i for i in range(3 * BATCH) if i // BATCH != SPOILT]
     assert spoilt.index.tolist() == others
     for name, values in spoilt.metrics.items():
         np.testing.assert_array_equal(values, complete.metrics[name][others])
@@ -92,7 +92,7 @@ def test_what_was_swapped_is_found_too(store, capsys):
 def test_resuming_computes_damaged_batches_again(store, whole, sweep):
     spoil(store / "metrics" / "c" / "1" / "0", "flipped")
     spoil(store / "status" / "c" / "2", "missing")
-    again = sweep(3 * TILE, keep=TILE, out=store, resume=True)
+    again = sweep(3 * BATCH, keep=BATCH, out=store, resume=True)
     assert again.attrs["damaged"] == {}
     assert bits(again) == bits(read_store(whole))
 
@@ -159,7 +159,7 @@ def test_growth_that_is_interrupted_is_made_up_for(writes, sweep, thousand, tmp_
 def test_a_store_of_other_code_is_not_resumed(store, sweep, monkeypatch):
     monkeypatch.setattr(coopmm_jax, "__version__", "9.9")
     with pytest.raises(UserError, match=r"^versions\.coopmm_jax: must be .*, as .*s\.zarr was made with, was 9\.9$"):
-        sweep(3 * TILE, keep=TILE, out=store, resume=True)
+        sweep(3 * BATCH, keep=BATCH, out=store, resume=True)
 
 
 @pytest.fixture

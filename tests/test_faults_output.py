@@ -141,7 +141,7 @@ def test_a_sweep_refused_late_leaves_no_store(scenario, tmp_path, monkeypatch, c
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scenario.toml").write_text(scenario.to_toml())
     monkeypatch.setattr(measure, "measure", without_device)
-    sweep = ["sweep", "scenario.toml", "--samples", "8", "--tile", "8", "--keep", "0", "--out", "s.zarr"]
+    sweep = ["sweep", "scenario.toml", "--samples", "8", "--batch", "8", "--keep", "0", "--out", "s.zarr"]
     assert main(sweep) == 2
     assert capsys.readouterr().err.startswith("coopmm: error: JAX_PLATFORMS: must be a platform that JAX has here, was")
     assert [path.name for path in tmp_path.iterdir()] == ["scenario.toml"]

@@ -86,10 +86,10 @@ def test_a_file_may_begin_with_a_byte_order_mark(tmp_path):
 
 
 def test_numpys_whole_numbers_are_whole_numbers(scenario):
-    with pytest.raises(UserError, match=r"^tile: must be a whole number, was 4\.5$"):
-        sweep(scenario, samples=np.int64(8), keep=np.int8(0), tile=4.5)
-    with pytest.raises(UserError, match=r"^tile: must be from 1 to 16777216, was 0$"):
-        sweep(scenario, samples=np.int64(8), keep=np.int8(0), tile=np.int32(0))
+    with pytest.raises(UserError, match=r"^batch: must be a whole number, was 4\.5$"):
+        sweep(scenario, samples=np.int64(8), keep=np.int8(0), batch=4.5)
+    with pytest.raises(UserError, match=r"^batch: must be from 1 to 16777216, was 0$"):
+        sweep(scenario, samples=np.int64(8), keep=np.int8(0), batch=np.int32(0))
 
 
 def told(capsys, *arguments):

@@ -39,7 +39,7 @@ def _texts(figure):
 def test_a_report_of_nothing_but_failures_is_written(scenario, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scenario.toml").write_text(scenario.to_toml())
-    options = ["--coupling.contact-radius", "1e9", "--samples", "8", "--tile", "8", "--keep", "8", "--out", "s.zarr"]
+    options = ["--coupling.contact-radius", "1e9", "--samples", "8", "--batch", "8", "--keep", "8", "--out", "s.zarr"]
     assert main(["sweep", "scenario.toml", *options]) == 0
     captured = capsys.readouterr()
     assert captured.out.startswith("all 8 samples failed: none reached 0.05 s\n")

@@ -1,4 +1,4 @@
-"""The objective on real rollouts: gradients of every tunable gain, and lanes that do not depend on each other."""
+"""The objective on real rollouts: gradients of every tunable gain, and independent batch elements."""
 
 import json
 

@@ -9,7 +9,6 @@ import time
 
 import jax
 import numpy as np
-import pytest
 import xarray
 
 import coopmm_jax as cm
@@ -18,10 +17,9 @@ from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.variation import vary
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps import measure
-from coopmm_jax.sweeps.batch import concurrently
 from coopmm_jax.sweeps.processes import Share
 from coopmm_jax.sweeps.store import chunk_file
-from tests.sweeps import TILE, bits
+from tests.sweeps import BATCH, bits
 from tests.workers import environment
 
 
@@ -44,7 +42,7 @@ def test_a_sweep_alone_is_the_head_of_a_larger_one(sweep, thousand):
 def test_a_store_grows_without_computing_again_what_is_complete(sweep, thousand, tmp_path):
     store = tmp_path / "sweep.zarr"
     assert bits(sweep(12, out=store)) == bits(thousand.isel(sample=slice(12)))
-    complete, cut = (chunk_file(store, "status", tile, 1).stat().st_mtime_ns for tile in (0, 1))
+    complete, cut = (chunk_file(store, "status", batch, 1).stat().st_mtime_ns for batch in (0, 1))
     grown = sweep(30, out=store, resume=True)
     assert bits(grown) == bits(thousand.isel(sample=slice(30)))
     assert chunk_file(store, "status", 0, 1).stat().st_mtime_ns == complete
@@ -67,11 +65,11 @@ def test_killed_and_resumed_is_as_if_nothing_had_happened(start, sweep, thousand
     process.send_signal(signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL
     written = {path: path.stat().st_mtime_ns for path in store.rglob("c/*/*") if path.suffix != ".partial"}
-    others = len(os.sched_getaffinity(0)) - 1  # each can still be at one of the first three tiles
+    others = len(os.sched_getaffinity(0)) - 1  # each can still be at one of the first three batches
     assert max(1, 4 - others) <= sum(path.parent.parent.parent.name == "metrics" for path in written) < 125
     resumed = sweep(1000, out=store, resume=True)
     assert bits(resumed) == bits(thousand)
-    # Each of the two cores can have had one tile half written, of four arrays.
+    # Each of the two cores can have had one batch half written, of four arrays.
     assert sum(path.stat().st_mtime_ns != then for path, then in written.items()) <= 2 * len(os.sched_getaffinity(0))
 
 
@@ -118,7 +116,7 @@ def test_processes_find_each_other_through_a_coordinator():
 def test_ranks_compute_their_own_tiles(sweep, thousand, tmp_path):
     half = sweep(30, out=tmp_path / "s.zarr", share=Share(0, 2))
     computed = half.status.values >= 0
-    assert computed.tolist() == [sample // TILE % 2 == 0 for sample in range(30)]
+    assert computed.tolist() == [sample // BATCH % 2 == 0 for sample in range(30)]
     assert bits(sweep(30, out=tmp_path / "s.zarr", share=Share(1, 2))) == bits(thousand.isel(sample=slice(30)))
 
 
@@ -152,45 +150,20 @@ def test_kept_series_are_those_of_single_simulations(kept):
 def test_a_failing_sample_changes_no_bit_of_its_neighbours(scenario):
     variation, device = vary(scenario), jax.devices()[0]
     horizon = measure.Horizon(1e-3, 50, "float64")
-    points = np.full((TILE, len(variation.draws)), 0.3)
-    points += np.linspace(0.0, 0.1, TILE)[:, None]
-    healthy = variation.batch(points, range(TILE))
+    points = np.full((BATCH, len(variation.draws)), 0.3)
+    points += np.linspace(0.0, 0.1, BATCH)[:, None]
+    healthy = variation.batch(points, range(BATCH))
     scale, x = healthy.disturbance.scale.copy(), healthy.start[0].x.copy()
     scale[2], x[5] = 1e7, 9.0
     start = (healthy.start[0]._replace(x=x), healthy.start[1])
     broken = healthy._replace(disturbance=healthy.disturbance._replace(scale=scale), start=start)
     before, after = (measure.measure(variation.structure(), horizon, device, p) for p in (healthy, broken))
-    assert before.status.tolist() == [Status.OK] * TILE
+    assert before.status.tolist() == [Status.OK] * BATCH
     assert np.flatnonzero(after.status).tolist() == [2, 5]
     assert after.status[5] == Status.UNREACHABLE
     assert np.isnan(after.metrics[5]).all()
     others = np.array([0, 1, 3, 4, 6, 7])
     assert np.array_equal(before.metrics[others], after.metrics[others])
-
-
-def test_items_are_taken_only_when_a_slot_is_free():
-    taken = []
-
-    def items():
-        for i in range(20):
-            taken.append(i)
-            yield i
-
-    slots = ["a", "b", "a", "b"]
-    finished = 0
-    for slot, _ in concurrently(lambda slot, item: (slot, item), items(), slots):
-        assert slot in slots
-        finished += 1
-        assert len(taken) <= finished + len(slots) + 1
-    assert finished == 20
-
-
-def test_an_exception_ends_the_work():
-    def fail(slot, item):
-        raise ValueError(item)
-
-    with pytest.raises(ValueError, match=r"^0$"):
-        list(concurrently(fail, range(10**9), [None]))
 
 
 def test_sobol_sweep_uses_sobol_points(sweep, scenario):

@@ -59,7 +59,7 @@ def test_a_full_disk_loses_nothing(sweep, thousand, tmp_path):
     assert largest < chunk_file(store, "metrics", 0, 2).stat().st_size
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, limits[1]))  # no more than this into one file
     try:
-        with pytest.raises(UserError, match=r"^out: must be a place with room .* \(File too large\); complete tiles"):
+        with pytest.raises(UserError, match=r"^out: must be a place with room .* \(File too large\); complete batches"):
             sweep(40, out=store, resume=True)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -71,7 +71,7 @@ def test_a_full_disk_loses_nothing(sweep, thousand, tmp_path):
     [
         (["--samples", "-3"], "samples: must be from 1 to 16777216, was -3"),
         (["--keep", "-1"], "keep: must be from 0 to 16777216, was -1"),
-        (["--tile", "0"], "tile: must be from 1 to 16777216, was 0"),
+        (["--batch", "0"], "batch: must be from 1 to 16777216, was 0"),
         (["--seed", "-1"], "simulation.seed: must be at least 0, was -1"),
         (["--sampling", "halton"], "sampling: must be independent or sobol, was halton"),
         (["--requirements.force-rms", "<= 2"], "requirements.force_rms: must be a metric, as coopmm simulate"),
@@ -137,5 +137,5 @@ def test_a_sample_that_is_not_there_yet(sweep, tmp_path):
     results = read_results(half)
     assert results.index.tolist() == list(range(8))
     assert "8 of 16 samples (the rest is not there yet)" in report.text(results)
-    with pytest.raises(UserError, match=r"^store: must be a sweep with at least one computed tile, was empty$"):
+    with pytest.raises(UserError, match=r"^store: must be a sweep with at least one computed batch, was empty$"):
         read_results(half.isel(sample=slice(8, None)))

@@ -35,7 +35,7 @@ def add(commands: Subparsers) -> None:
     parser.add_argument("--out", metavar="STORE", default="sweep.zarr", help="zarr store (default sweep.zarr)")
     parser.add_argument("--resume", action="store_true", help="go on with STORE, and make it larger if N says so")
     parser.add_argument("--keep", metavar="K", type=int, default=64, help="keep time series of K samples (default 64)")
-    parser.add_argument("--tile", metavar="B", type=int, default=64, help="samples in one call (default 64)")
+    parser.add_argument("--batch", metavar="B", type=int, default=64, help="samples in one call (default 64)")
     parser.add_argument("--rank", metavar="R", type=int, help="number of this process, if several share STORE")
     parser.add_argument("--size", metavar="P", type=int, help="number of these processes")
     parser.add_argument("--coordinator", metavar="HOST:PORT", help="where they meet through jax.distributed")
@@ -44,7 +44,7 @@ def add(commands: Subparsers) -> None:
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
-    """Sweep, then report if this process finds all tiles complete.
+    """Sweep, then report if this process finds all batches complete.
 
     Raises:
         UserError: an unusable file of --uncertainty, or as ``load_scenario``, ``share`` and ``sweep``.
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     folder = report_folder(options.out, "out")
     check_folder(folder)
     mine = share(options.rank, options.size, options.coordinator, options.distributed)
-    names = ("samples", "seed", "sampling", "out", "resume", "keep", "tile")
+    names = ("samples", "seed", "sampling", "out", "resume", "keep", "batch")
     data = sweep(scenario, **{name: getattr(options, name) for name in names}, share=mine)
     missing = int((data.status < 0).sum())
     if missing:

@@ -33,9 +33,9 @@ class Contents(NamedTuple):
     times: np.ndarray  # of the series [s]
 
     @property
-    def tile(self) -> int:
+    def batch_size(self) -> int:
         """Samples of a batch."""
-        return self.settings["tile"]
+        return self.settings["batch"]
 
     def kept(self, samples: int) -> int:
         """Number of samples that have series, in a sweep of so many."""
@@ -55,16 +55,16 @@ def build(store: Any, contents: Contents, samples: int) -> zarr.Group:
     times: dict[str, Any] = {"units": "s", "long_name": "time"}
     group.create_array("t", data=contents.times, dimension_names=("t",), attributes=times)
     for name, shape, array in _arrays(contents, samples):
-        chunks = (contents.tile, *shape[1:])
+        chunks = (contents.batch_size, *shape[1:])
         group.create_array(name, shape=shape, chunks=chunks, compressors=ZstdCodec(checksum=True), **array)
-    batches, room = -(-samples // contents.tile), {"samples": samples}
+    batches, room = -(-samples // contents.batch_size), {"samples": samples}
     about = {"dtype": "uint64", "fill_value": 0, "dimension_names": ("batch",), "attributes": room}
     group.create_array(CHECKSUMS, shape=(batches,), chunks=(1,), **about)
     return group
 
 
 def _arrays(contents: Contents, samples: int) -> Iterator[tuple[str, tuple[int, ...], dict[str, Any]]]:
-    """Name, shape and description of everything that is written tile by tile."""
+    """Name, shape and description of everything that is written batch by batch."""
     reals = {"dtype": "float64", "fill_value": np.nan}
     for name, labels in (("parameters", contents.parameters), ("metrics", contents.metrics)):
         yield name, (samples, len(labels.names)), reals | {"dimension_names": ("sample", name[:-1])}

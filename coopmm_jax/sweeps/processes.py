@@ -1,6 +1,6 @@
 """Share of this process in a sweep.
 
->>> list(Share(rank=1, size=3).tiles(8))
+>>> list(Share(rank=1, size=3).batches(8))
 [1, 4, 7]
 """
 
@@ -18,7 +18,7 @@ class Share(NamedTuple):
     rank: int = 0
     size: int = 1
 
-    def tiles(self, count: int) -> range:
+    def batches(self, count: int) -> range:
         """Batches of this process, of ``count`` in all."""
         return range(self.rank, count, self.size)
 

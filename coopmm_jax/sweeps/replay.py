@@ -30,7 +30,7 @@ def replay(sweep: xarray.Dataset | str | Path, sample: int) -> Scenario:
         raise UserError("sample", f"from 0 to {count - 1}", sample)
     row = data.isel(sample=sample)
     if int(store.values(row.status)) < 0:
-        damaged = data.attrs.get("damaged", {}).get(sample // data.attrs["tile"])
+        damaged = data.attrs.get("damaged", {}).get(sample // data.attrs["batch"])
         was = f"{sample} ({damaged})" if damaged else sample
         raise UserError("sample", "one that has been computed (sweep --resume computes the rest)", was)
     drawn = zip(data.parameter.values, store.values(row.parameters), strict=True)

@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     import xarray
 
 SAMPLES = 1000
-TILE = 64  # the batch size at which the CPU is fastest
+BATCH = 64  # the batch size at which the CPU is fastest
 KEEP = 64
 LIMIT = 2**24  # samples; a noise stream's number is exact in float32 too
 ALONE = Share()
-# Memory at the peak [byte], measured over tiles of 4096 and 16384: of a rollout, of each point that it keeps.
+# Memory at the peak [byte], measured over batches of 4096 and 16384: of a rollout, of each point that it keeps.
 _PER_ROLLOUT, _PER_POINT = 6000.0, 1000.0
 _PATIENCE = 300.0  # [s], for the process of rank 0 to make the store
 
@@ -58,7 +58,7 @@ def sweep(
     out: str | Path | None = None,
     resume: bool = False,
     keep: int = KEEP,
-    tile: int = TILE,
+    batch: int = BATCH,
     share: Share = ALONE,
 ) -> xarray.Dataset:
     """Simulate samples of a scenario with [uncertainty], on all cores or local devices.
@@ -74,7 +74,7 @@ def sweep(
         out: path of a zarr store, written batch by batch; without it everything stays in memory.
         resume: go on with the store at ``out``, if there is one, and make it larger if ``samples`` says so.
         keep: number of samples, the first ones, whose time series are kept.
-        tile: samples of a batch, one call of the compiled function; more than the default suits a GPU.
+        batch: samples in one call of the compiled function; more than the default suits a GPU.
         share: this process's part of the work.
 
     Returns:
@@ -88,12 +88,12 @@ def sweep(
     if seed is not None:
         scenario = scenario.with_overrides({"simulation.seed": seed})
     samples = None if samples is None else _count("samples", samples, 1)
-    keep, tile = _count("keep", keep, 0), _count("tile", tile, 1)
+    keep, batch = _count("keep", keep, 0), _count("batch", batch, 1)
     variation = vary(scenario)
     if not variation.numbers:
         raise UserError("uncertainty", "a section that names what varies", "empty")
     points = sampler(sampling, scenario.simulation.seed, len(variation.draws))
-    contents = _contents(variation, sampling, keep, tile)
+    contents = _contents(variation, sampling, keep, batch)
     path, places = None if out is None else resolve_path(out, "out"), slots()
     _check_memory(contents, len(places), samples or SAMPLES, path)
     fresh = path is not None and not path.exists() and share == ALONE
@@ -118,7 +118,7 @@ def _count(name: str, value: Any, least: int) -> int:
 
 
 def _check_memory(contents: Contents, places: int, samples: int, path: Path | None) -> None:
-    """Refuse tiles, or a sweep without a store, that do not fit into memory.
+    """Refuse batches, or a sweep without a store, that do not fit into memory.
 
     Raises:
         UserError: they do not.
@@ -126,7 +126,10 @@ def _check_memory(contents: Contents, places: int, samples: int, path: Path | No
     points = len(contents.times) if contents.kept(samples) else 0
     per_sample = _PER_ROLLOUT + _PER_POINT * points
     check_memory(
-        places * contents.tile * per_sample, "tile", "smaller, or keep 0" if points else "smaller", contents.tile
+        places * contents.batch_size * per_sample,
+        "batch",
+        "smaller, or keep 0" if points else "smaller",
+        contents.batch_size,
     )
     if path is None:
         columns = len(contents.parameters.names) + len(contents.metrics.names) + 2
@@ -136,23 +139,23 @@ def _check_memory(contents: Contents, places: int, samples: int, path: Path | No
 
 @contextlib.contextmanager
 def _going_again_if_empty(store: SweepStore, fresh: bool) -> Iterator[None]:
-    """Remove a new store without one whole tile when something goes wrong, so that the same command can begin again."""
+    """Remove a new store without a whole batch when something goes wrong, so that the same command can begin again."""
     try:
         yield
     except BaseException:
-        if fresh and store.path is not None and not any(map(store.done, range(store.tiles))):
+        if fresh and store.path is not None and not any(map(store.done, range(store.batches))):
             shutil.rmtree(store.path, ignore_errors=True)
         raise
 
 
-def _contents(variation: Variation, sampling: str, keep: int, tile: int) -> Contents:
+def _contents(variation: Variation, sampling: str, keep: int, batch: int) -> Contents:
     """Contents of this sweep's store, and all that its bits depend on."""
     scenario, numbers = variation.scenario, variation.numbers
     return Contents(
         settings={
             "scenario": scenario.to_toml(),
             "sampling": sampling,
-            "tile": tile,
+            "batch": batch,
             "keep": keep,
             "versions": versions() | {"xla_flags": xla_options()},
         },
@@ -194,36 +197,36 @@ def _appearing_store(contents: Contents, out: Path, samples: int) -> SweepStore:
 def _fill(
     store: SweepStore, variation: Variation, points: Any, contents: Contents, share: Share, places: list[Any]
 ) -> None:
-    """Compute and write the tiles of this process that are not in the store yet."""
-    tiles = share.tiles(store.tiles)
-    missing = [tile for tile in tiles if not store.done(tile)]
+    """Compute and write the batches of this process that are not in the store yet."""
+    batches = share.batches(store.batches)
+    missing = [batch for batch in batches if not store.done(batch)]
     structure, horizon = variation.structure(), _horizon(variation.scenario)
 
-    def indices(tile: int) -> range:
-        return range(tile * contents.tile, (tile + 1) * contents.tile)
+    def indices(batch: int) -> range:
+        return range(batch * contents.batch_size, (batch + 1) * contents.batch_size)
 
     def drawn() -> Iterator[tuple[int, np.ndarray]]:
-        for tile in missing:
-            yield tile, points(indices(tile))
+        for batch in missing:
+            yield batch, points(indices(batch))
 
     def compute(device: Any, item: tuple[int, np.ndarray]) -> None:
-        tile, at = item
-        parameters = variation.batch(at, indices(tile))
+        batch, at = item
+        parameters = variation.batch(at, indices(batch))
         rows = {"parameters": np.stack(list(variation.values(at).values()), axis=1)}
-        if tile * contents.tile < contents.kept(store.samples):  # first, while another thread compiles what measures
+        if indices(batch)[0] < contents.kept(store.samples):  # first, while another thread compiles what measures
             rows |= measure.trace(structure, horizon, device, parameters)
         rows |= measure.measure(structure, horizon, device, parameters)._asdict()
-        _write(store, tile, rows)
+        _write(store, batch, rows)
 
-    done = (len(tiles) - len(missing)) * contents.tile
-    with tqdm(total=len(tiles) * contents.tile, initial=done, unit="sample", disable=None) as bar:
+    done = (len(batches) - len(missing)) * contents.batch_size
+    with tqdm(total=len(batches) * contents.batch_size, initial=done, unit="sample", disable=None) as bar:
         for _ in concurrently(compute, drawn(), places):
-            bar.update(contents.tile)
+            bar.update(contents.batch_size)
 
 
-def _write(store: SweepStore, tile: int, rows: dict[str, np.ndarray]) -> None:
+def _write(store: SweepStore, batch: int, rows: dict[str, np.ndarray]) -> None:
     try:
-        store.write(tile, rows)
+        store.write(batch, rows)
     except OSError as error:
-        was = f"{store.path} ({error.strerror}); complete tiles are safe, --resume goes on"
+        was = f"{store.path} ({error.strerror}); complete batches are safe, --resume goes on"
         raise UserError("out", "a place with room and permission to write", was) from None

@@ -121,7 +121,7 @@ def read_results(data: xarray.Dataset, scenario: Scenario | None = None) -> Resu
     status = store.values(data.status)
     index = np.flatnonzero(status >= 0)
     if not len(index):
-        raise UserError("store", "a sweep with at least one computed tile", "empty")
+        raise UserError("store", "a sweep with at least one computed batch", "empty")
     return Results(
         scenario=scenario,
         total=len(status),

@@ -3,7 +3,7 @@
 A chunk holds one batch, so no two writers share a file, and each file appears whole or not at all: whatever kills a
 process, the batches that have a checksum are complete.
 
-    group attributes   scenario (TOML), sampling, tile, keep, versions, fingerprint of these and of the coordinates
+    group attributes   scenario (TOML), sampling, batch, keep, versions, fingerprint of these and of the coordinates
     parameters         (sample, parameter)   drawn values, in the units of coordinate parameter_unit
     metrics            (sample, metric)      in the units of coordinate metric_unit
     status             (sample)              code of ``Status``; -1: not computed yet
@@ -53,9 +53,9 @@ class SweepStore:
         return self._arrays["status"].shape[0]
 
     @property
-    def tiles(self) -> int:
+    def batches(self) -> int:
         """Number of batches of these samples."""
-        return -(-self.samples // self._contents.tile)
+        return -(-self.samples // self._contents.batch_size)
 
     def locked(self, rank: int) -> AbstractContextManager[None]:
         """Keep other processes of the same rank out of the store.
@@ -67,21 +67,21 @@ class SweepStore:
             return nullcontext()
         return locked_folder(self.path / "status", "out", f".lock-{rank}")  # zarr would take it for data in a group
 
-    def done(self, tile: int) -> bool:
+    def done(self, batch: int) -> bool:
         """True if a batch is complete."""
-        return tile in self._whole
+        return batch in self._whole
 
-    def write(self, tile: int, values: Mapping[str, np.ndarray]) -> None:
+    def write(self, batch: int, values: Mapping[str, np.ndarray]) -> None:
         """Write one batch: arrays (B, ...) by name, the last of its B samples perhaps beyond the sweep."""
-        size, rows = self._contents.tile, {}
+        size, rows = self._contents.batch_size, {}
         for name, given in values.items():
             array = self._arrays[name]
-            window = slice(tile * size, min((tile + 1) * size, array.shape[0]))
+            window = slice(batch * size, min((batch + 1) * size, array.shape[0]))
             rows[name] = np.asarray(given[: window.stop - window.start], array.dtype)
             array[window] = rows[name]
-        self._checksums[tile] = checksum(rows)
-        self._whole.add(tile)
-        self._damaged.pop(tile, None)
+        self._checksums[batch] = checksum(rows)
+        self._whole.add(batch)
+        self._damaged.pop(batch, None)
 
     def grow(self, samples: int) -> None:
         """Make room for more samples. A last batch that was cut short is to be computed again.
@@ -93,11 +93,11 @@ class SweepStore:
         """
         if samples < self.samples:
             raise UserError("samples", f"at least {self.samples}, as {self.path} has", samples)
-        tile, cut = divmod(self.samples, self._contents.tile)
+        batch, cut = divmod(self.samples, self._contents.batch_size)
         if samples > self.samples:
             if cut:
-                self._checksums[tile] = 0
-                self._whole.discard(tile)
+                self._checksums[batch] = 0
+                self._whole.discard(batch)
             self._checksums.attrs["samples"] = samples
             _enlarge(self._group)
             self._arrays = _batched(self._group)
@@ -144,7 +144,7 @@ def open_store(path: Path, contents: Contents) -> SweepStore:
     for name in sorted(was.keys() | now.keys()):
         if was.get(name) != now.get(name):
             raise UserError(name, f"{_shown(was.get(name))}, as {path} was made with", _shown(now.get(name)))
-    return SweepStore(group, contents, path, inspect(group, _batched(group), contents.tile))
+    return SweepStore(group, contents, path, inspect(group, _batched(group), contents.batch_size))
 
 
 def read_store(path: str | Path) -> xarray.Dataset:
@@ -156,7 +156,7 @@ def read_store(path: str | Path) -> xarray.Dataset:
     place = resolve_path(path, "store")
     group = _group(place)
     try:
-        return _opened(group, inspect(group, _batched(group), int(str(group.attrs["tile"]))))
+        return _opened(group, inspect(group, _batched(group), int(str(group.attrs["batch"]))))
     except Exception as error:  # whatever zarr and xarray make of a damaged file
         raise UserError("store", "the store of a sweep", f"{place} ({error})") from None
 
@@ -183,9 +183,9 @@ def scenario_of(data: xarray.Dataset) -> Scenario:
     return validate(Scenario, tomllib.loads(data.attrs["scenario"]))
 
 
-def chunk_file(path: Path, name: str, tile: int, dimensions: int) -> Path:
+def chunk_file(path: Path, name: str, batch: int, dimensions: int) -> Path:
     """File in which zarr keeps the chunk of a batch."""
-    return path.joinpath(name, "c", str(tile), *["0"] * (dimensions - 1))
+    return path.joinpath(name, "c", str(batch), *["0"] * (dimensions - 1))
 
 
 def _opened(group: zarr.Group, batches: Batches) -> xarray.Dataset:
@@ -195,7 +195,7 @@ def _opened(group: zarr.Group, batches: Batches) -> xarray.Dataset:
         warnings.filterwarnings("ignore", "Object at .* is not recognized")  # what a file manager leaves in a folder
         data = xarray.open_zarr(group.store, consolidated=False, chunks=None, drop_variables=[CHECKSUMS])
     status = values(data.status)
-    status[~np.repeat(batches.whole, cast(int, group.attrs["tile"]))[: len(status)]] = -1
+    status[~np.repeat(batches.whole, cast(int, group.attrs["batch"]))[: len(status)]] = -1
     data["status"] = data.status.copy(data=status)
     # zarr lists arrays in any order; what every sample has comes first, for whoever looks at the data set.
     data = data[[*BY_SAMPLE, *sorted(set(map(str, data.data_vars)) - set(BY_SAMPLE))]]
@@ -241,7 +241,7 @@ def _enlarge(group: zarr.Group) -> None:
     """Give every array the length that ``_room`` says."""
     samples, settings = _room(group), cast(dict[str, int], dict(group.attrs))
     lengths = dict.fromkeys(BY_SAMPLE, samples) | dict.fromkeys(_series(group), min(settings["keep"], samples))
-    for name, length in (lengths | {CHECKSUMS: -(-samples // settings["tile"])}).items():
+    for name, length in (lengths | {CHECKSUMS: -(-samples // settings["batch"])}).items():
         array = cast(zarr.Array, group[name])
         if array.shape[0] < length:
             array.resize((length, *array.shape[1:]))

@@ -47,7 +47,7 @@ TRACKING = ("object", "relative", "posture")
 # A rollout that fails costs this, and up to twice as much the earlier it fails: more than any that completes.
 FAILED = 1e6
 _SEGMENT = 50  # steps between checkpoints of the reverse pass
-# A tile of 32 lanes keeps 50 kB of each RK4 step for the reverse pass: half a gigabyte of so many. Checkpoints instead
+# A batch of 32 keeps 50 kB of each RK4 step for the reverse pass: half a gigabyte of so many. Checkpoints instead
 # compile half as long again.
 _KEPT = 10_000
 _SMOOTHING = 1e-3  # [N m], of the absolute torque changes
