@@ -91,6 +91,7 @@ class Fuzzer:
     def __init__(self, seed: int, folder: Path):
         self.random, self.folder = random.Random(seed), folder
         self.scenarios = [load_scenario(name).model_dump(exclude_none=True) for name in list_scenarios()]
+        self.gains = load_scenario("paper").gains
         self.kinds = [self.scenario_file, self.options, self.gains_file, self.uncertainty_file, self.damage]
         _prepare(folder)
 
@@ -138,7 +139,7 @@ class Fuzzer:
 
     def gains_file(self) -> Case:
         """A file of gains that is not quite right."""
-        name = self._write(self._mutated({"gains": dict(load_scenario("paper").gains), "law": {"delta_floor": 0.1}}))
+        name = self._write(self._mutated({"gains": dict(self.gains), "law": {"delta_floor": 0.1}}))
         return Case(self.random.choice(["simulate paper --gains-file {}", "compare scenario {} --scenario v.toml"])
                     .format(name).split())  # fmt: skip
 

@@ -29,7 +29,7 @@ def test_a_sweep_that_fails_as_a_whole_says_so_in_its_figures(failed):
     drawn = report.drawings(failed, read_results(failed))
     said = {name: _texts(draw()) for name, draw in drawn.items()}
     assert "all 8 samples failed" in said["requirements.png"]
-    assert "none of 8 samples with series got under way" in said["bands.png"]
+    assert "all 8 samples\nfailed at once" in said["bands.png"]
 
 
 def _texts(figure):

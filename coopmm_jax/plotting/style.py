@@ -144,7 +144,7 @@ def remark(axes: Axes, text: str) -> None:
 
     >>> remark(Figure().subplots(), "all 64 samples failed")
     """
-    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color="0.3", wrap=True)
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color="0.3")
 
 
 def caption(figure: Figure, text: str) -> None:

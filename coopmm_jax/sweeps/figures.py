@@ -133,10 +133,12 @@ def _grid(count: int) -> list[list[str]]:
 
 
 def _band_panel(axes: Axes, series: xarray.DataArray, computed: np.ndarray, t: np.ndarray) -> None:
+    axes.set_xlabel(TIME)
+    axes.set_ylabel(f"{str(series.name).replace('_', ' ')} [{series.attrs['units']}]")
     values = store.values(series)[computed]
     alive = np.isfinite(values).any(axis=0)
     if not alive.any():
-        style.remark(axes, f"none of {len(values)} samples with series got under way")
+        style.remark(axes, f"all {len(values)} samples\nfailed at once")
         return
     lowest, low, median, high, highest = np.nanquantile(values[:, alive], [0.0, LOW, 0.5, HIGH, 1.0], axis=0)
     axes.fill_between(t[alive], lowest, highest, color=_SHADES[0], linewidth=0.0, label="range")
@@ -145,8 +147,6 @@ def _band_panel(axes: Axes, series: xarray.DataArray, computed: np.ndarray, t: n
     # Over less than a decade a logarithmic axis says nothing more, in numbers too long for its ticks.
     if series.name in _ON_A_LOG_AXIS and highest.max() > 10.0 * lowest.min() > 0.0:
         axes.set_yscale("log")
-    axes.set_xlabel(TIME)
-    axes.set_ylabel(f"{str(series.name).replace('_', ' ')} [{series.attrs['units']}]")
 
 
 def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) -> None:
