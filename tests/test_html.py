@@ -4,6 +4,7 @@ import numpy as np
 
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.status import Status
+from tuning.studies.chatter import Slopes
 from tuning.studies.comparison import Comparison
 from tuning.studies.margins import Margin
 from tuning.studies.result import Row, TuningResult
@@ -19,7 +20,9 @@ def test_html_tells_costs_requirements_and_gains():
     scenario = load_scenario("paper", **changes)
     margins = [Margin(name, 1.0, 0.5, 2.0, "cost", "free") for name in ("K_a", "k1")]
     before, after = np.array([1.0, 180.0]), np.array([2.5, 90.0])
-    result = TuningResult(scenario, ["K_a", "k1"], before, after, comparison, margins, [], history)
+    result = TuningResult(
+        scenario, ["K_a", "k1"], before, after, comparison, margins, Slopes(1.0, 1.0, 0.0), [], history
+    )
     page = result._repr_html_()
     assert "<b>TuningResult: 2 numbers, 2 iterations, 4 untouched samples</b><br>&lt;b&gt;a &amp; b" in page
     assert "<td>cost, mean</td><td>3</td><td>1.5</td><td>ratio 0.5 to 0.5 (95 %)</td>" in page

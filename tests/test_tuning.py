@@ -26,7 +26,7 @@ from tuning.cost.trials import DrawnTrials
 from tuning.reports import tune as report
 from tuning.search import method, stages
 from tuning.search.method import Candidate
-from tuning.studies import margins, state
+from tuning.studies import chatter, margins, state
 
 
 @pytest.fixture
@@ -211,6 +211,40 @@ def test_margins_end_where_the_cost_rises_or_a_robot_fails(rollouts):
             assert problem.cost.values(moved[None], samples)[0] <= limit * (1 + 1e-6)
             checked += beyond == "cost"
     assert checked > 0
+
+
+@pytest.mark.parametrize(("ripple", "chattering"), [(0.0, False), (1e-3, True)])
+def test_ripples_on_the_cost_are_told_from_its_slope(rollouts, monkeypatch, ripple, chattering):
+    """Ripples of a thousandth, 0.006 from crest to crest: no larger step sees them."""
+    smooth = batches.evaluate
+
+    def evaluate(objective, vectors, samples):
+        found = smooth(objective, vectors, samples)
+        waves = ripple * np.sin(1e3 * np.asarray(vectors)).sum(axis=1)
+        return found._replace(terms=found.terms * (1.0 + waves)[:, None, None])
+
+    monkeypatch.setattr(batches, "evaluate", evaluate)
+    result = tuning.report(tuning.build_problem(scenario()), np.full(19, 0.35))
+    assert result.slopes.chattering == chattering
+    assert ("the gains chatter" in report.table(result)) == chattering
+
+
+def test_slopes_over_both_lengths_agree_with_the_exact_one(rollouts):
+    problem = tuning.build_problem(scenario())
+    vector = np.full(problem.space.size, 0.35)
+    with jax.enable_x64(True):
+        found = chatter.slopes(problem, vector)
+        _, exact = problem.slopes(vector, problem.drawn(chatter.SAMPLES, problem_module.CHOICE))
+    assert found.small == pytest.approx(np.linalg.norm(exact), rel=1e-6)
+    assert found.large == pytest.approx(np.linalg.norm(exact), rel=0.02)
+
+
+def test_a_step_that_fails_is_a_margins_matter_not_a_slopes(rollouts):
+    problem = tuning.build_problem(scenario())
+    vector = np.full(problem.space.size, 0.35)
+    rollouts.lost = staticmethod(lambda x: x[0] > 0.37)
+    with jax.enable_x64(True):
+        assert not chatter.slopes(problem, vector).chattering
 
 
 def test_lbfgs_solves_a_quadratic_in_as_many_steps_as_it_has_pairs():

@@ -72,8 +72,8 @@ class Meter:
         return float(value), slope
 
     def note(self, vector: np.ndarray) -> None:
-        """Take a vector (n,) for the best from here on, unless time is up."""
-        if self.taken > self.seconds:
+        """Take a vector (n,) for the best from here on, unless time is up and there is one already."""
+        if self.trail and self.taken > self.seconds:
             raise Spent
         self.trail.append(Improvement(self.taken, np.array(vector)))
 
@@ -86,7 +86,7 @@ class Meter:
         return points[np.argsort(costs, kind="stable")]
 
     def _note(self, vectors: np.ndarray, costs: np.ndarray) -> None:
-        if self.taken > self.seconds:
+        if self.trail and self.taken > self.seconds:
             raise Spent
         if costs.min() < self.best:
             self.best = float(costs.min())

@@ -20,6 +20,7 @@ from tuning.studies.comparison import STATISTICS, Change, ratio
 from tuning.studies.margins import RISE
 
 if TYPE_CHECKING:
+    from tuning.studies.chatter import Slopes
     from tuning.studies.result import TuningResult
 
 
@@ -30,6 +31,7 @@ def write_report(folder: Path, result: TuningResult) -> None:
     content |= {"requirements": [_requirement(result, r) for r in result.scenario.requirements.parsed()]}
     content |= {"robots": {"count": _count(result), "all_met": dict(zip(("before", "after"), _all_met(result)))}}
     content |= {"margins": [margin._asdict() for margin in result.margins], "at_bounds": result.at_bounds}
+    content |= {"slopes": result.slopes._asdict() | {"chattering": result.slopes.chattering}}
     content |= {"stopped": result.stopped}
     content |= {"gains": dict(zip(result.labels, np.stack([result.before, result.after], 1).tolist(), strict=True))}
     write_json(folder / "report.json", content)
@@ -63,6 +65,7 @@ def table(result: TuningResult) -> str:
     lines += ["", *_gains(result), ""]
     if result.at_bounds:
         lines.append(f"at a bound of [tuning.bounds]: {', '.join(result.at_bounds)}")
+    lines.append(_slopes(result.slopes))
     if result.stopped:
         lines.append(f"search ended: {result.stopped}")
     return "\n".join(lines) + "\n"
@@ -76,6 +79,14 @@ def _gains(result: TuningResult) -> list[str]:
         low, high = (_end(*end) for end in ((margin.low, margin.below), (margin.high, margin.above)))
         lines.append(f"{margin.name:16} {before:12.5g} {margin.value:12.5g}   {low} to {high}")
     return lines
+
+
+def _slopes(found: Slopes) -> str:
+    """Whether the gains chatter, with the figures."""
+    text = f"slope of the cost over small steps {found.small:.3g}, over steps of 5 % {found.large:.3g}"
+    if found.chattering:
+        return f"{text}: the gains chatter, exact gradients mislead here"
+    return f"{text}: no chattering"
 
 
 def _end(value: float, beyond: str) -> str:

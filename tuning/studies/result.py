@@ -13,6 +13,7 @@ from coopmm_jax.scenario.gains_file import gains_text
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.sections.controller import gain_tables
 from tuning.cost.problem import TEST
+from tuning.studies.chatter import Slopes, slopes
 from tuning.studies.comparison import Comparison, compare
 from tuning.studies.margins import Margin, margins
 
@@ -44,6 +45,7 @@ class TuningResult:
     after: np.ndarray
     comparison: Comparison  # on the untouched test samples
     margins: list[Margin]  # of the tuned numbers
+    slopes: Slopes  # of the cost, where they say whether the gains chatter
     at_bounds: list[str]  # names of those that sit at a bound of [tuning.bounds]
     history: list[Row] = field(default_factory=list)
     stopped: str = ""  # why the search ended
@@ -84,6 +86,7 @@ def report(
             after=after,
             comparison=compare(problem, vectors, TEST, scenario.tuning.test_samples),
             margins=margins(problem, vector),
+            slopes=slopes(problem, vector),
             at_bounds=_at_bounds(problem, vector),
             history=history or [],
             stopped=stopped,
