@@ -82,7 +82,7 @@ def _gains(result: TuningResult) -> list[str]:
 
 
 def _slopes(found: Slopes) -> str:
-    """Whether the gains chatter, with the figures."""
+    """The line on chattering, with its figures."""
     text = f"slope of the cost over small steps {found.small:.3g}, over steps of 5 % {found.large:.3g}"
     if found.chattering:
         return f"{text}: the gains chatter, exact gradients mislead here"

@@ -27,7 +27,7 @@ class Slopes(NamedTuple):
 
     @property
     def chattering(self) -> bool:
-        """Whether exact gradients would mislead here."""
+        """True where exact gradients mislead."""
         return self.error > WRONG
 
 

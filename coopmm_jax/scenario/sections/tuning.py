@@ -73,7 +73,7 @@ class TuningSection(Section):
     tracking_from: NotNegative = quantity(1.5, "time before which tracking does not count, the start decides it [s]")
     validation_samples: Count = quantity(32, "fixed samples that scale the cost, and choose among what was found")
     test_samples: Count = quantity(128, "samples for the final figures alone")
-    budget: Positive = quantity(200.0, "simulated steps of the search, its last iteration excepted [million]")
+    budget: Positive = quantity(180.0, "simulated steps of the search, its last iteration excepted [million]")
     starts: Count = quantity(256, "starting points: the scenario's gains and scrambled Sobol points")
     screening_samples: Count = quantity(4, "samples that choose among the starting points")
     samples: Count = quantity(4, "samples of a generation or descent, drawn anew for each; of a scan, twice as many")
