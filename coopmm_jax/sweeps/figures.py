@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from coopmm_jax.errors import UserError
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.plotting import style
+from coopmm_jax.plotting.bands import band, scale
 from coopmm_jax.plotting.lines import TIME
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps import store
@@ -25,8 +26,7 @@ BINS = 40
 STRONGEST = 8  # draws in a panel
 WORST = 10  # samples marked in a panel
 _SERIES = ("tracking_error", "object_error", "contact_force", "torque")
-_ON_A_LOG_AXIS = ("tracking_error", "object_error")
-_SHADES = ("0.88", "0.70")  # of the whole range and of the 90 % band
+_SHADES = ("0.70", "0.88")  # of the 90 % band and of the whole range
 _LOST = {"facecolor": "none", "edgecolor": "0.4", "hatch": "/////", "linewidth": 0.0}
 
 
@@ -133,20 +133,12 @@ def _grid(count: int) -> list[list[str]]:
 
 
 def _band_panel(axes: Axes, series: xarray.DataArray, computed: np.ndarray, t: np.ndarray) -> None:
-    axes.set_xlabel(TIME)
-    axes.set_ylabel(f"{str(series.name).replace('_', ' ')} [{series.attrs['units']}]")
     values = store.values(series)[computed]
-    alive = np.isfinite(values).any(axis=0)
-    if not alive.any():
+    most, whole = ({"color": shade, "label": part} for shade, part in zip(_SHADES, ("5 to 95 %", "range"), strict=True))
+    if not band(axes, t, values, (LOW, HIGH), style.pen(0) | {"label": "median"}, most, whole):
         style.remark(axes, f"all {len(values)} samples\nfailed at once")
-        return
-    lowest, low, median, high, highest = np.nanquantile(values[:, alive], [0.0, LOW, 0.5, HIGH, 1.0], axis=0)
-    axes.fill_between(t[alive], lowest, highest, color=_SHADES[0], linewidth=0.0, label="range")
-    axes.fill_between(t[alive], low, high, color=_SHADES[1], linewidth=0.0, label="5 to 95 %")
-    axes.plot(t[alive], median, label="median", **style.pen(0))
-    # Over less than a decade a logarithmic axis says nothing more, in numbers too long for its ticks.
-    if series.name in _ON_A_LOG_AXIS and highest.max() > 10.0 * lowest.min() > 0.0:
-        axes.set_yscale("log")
+    scale([axes], str(series.name), f"[{series.attrs['units']}]")
+    axes.set_xlabel(TIME)
 
 
 def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) -> None:
@@ -190,7 +182,7 @@ def _importance_panel(axes: Axes, results: Results, metric: str) -> None:
     strongest = list(sensitivities(results, metric).items())[:STRONGEST][::-1]
     estimates = [interval.estimate for _, interval in strongest]
     sides = [[i.estimate - i.low for _, i in strongest], [i.high - i.estimate for _, i in strongest]]
-    axes.barh([draw for draw, _ in strongest], estimates, xerr=sides, color=_SHADES[1], error_kw={"linewidth": 1.0})
+    axes.barh([draw for draw, _ in strongest], estimates, xerr=sides, color=_SHADES[0], error_kw={"linewidth": 1.0})
     axes.axvline(0.0, color="0.2", linewidth=0.8)
     axes.set_xlim(-1.0, 1.0)
     axes.set_xlabel("rank correlation")

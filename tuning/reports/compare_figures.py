@@ -9,17 +9,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.plotting.bands import band, finished, scale
+from coopmm_jax.plotting.lines import TIME
 from coopmm_jax.plotting.style import REFERENCE, WIDTH, GivenAxes, legend, panels, pen, plain, styled
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps.figures import hatch_beyond
 from coopmm_jax.sweeps.measure import SERIES
+from coopmm_jax.sweeps.statistics import HIGH, LOW
 
 if TYPE_CHECKING:
     from tuning.studies.compare import ComparedGains
 
 # (series, from which share of the duration on): the start's peak would hide how steady the force is later
 _ROWS = (("contact_force", 0.0), ("contact_force", 0.5), ("tracking_error", 0.0), ("object_error", 0.0))
-_LOW, _HIGH = 0.05, 0.95
 _MARKERS = "osD^v"
 _GOLDEN = 0.6180339887498949  # multiples of it spread points evenly whatever their number
 
@@ -86,11 +88,10 @@ def bands(compared: ComparedGains, axes: GivenAxes = None) -> Figure:
             _band(panel, compared, name, since, i)
             panel.sharey(line[0])
             panel.tick_params(labelleft=i == 0)
-        late = ", late" if since else ""
-        line[0].set_ylabel(f"{name.replace('_', ' ')}{late} [{SERIES[name][0]}]")
+        scale(line, f"{name}, late" if since else name, f"[{SERIES[name][0]}]")
     for name, top, bottom in zip(_names(compared), all_axes, all_axes[-sets:], strict=False):
         top.set_title(name)
-        bottom.set_xlabel("time [s]")
+        bottom.set_xlabel(TIME)
     return figure
 
 
@@ -107,7 +108,7 @@ def _strips(axes: Axes, compared: ComparedGains, limit: Requirement) -> None:
             continue
         heights = i + 0.5 * ((np.arange(len(values)) * _GOLDEN) % 1.0 - 0.5)
         axes.plot(values, heights, "o", color=pen(i)["color"], markersize=2.5, alpha=0.6, markeredgewidth=0.0)
-        low, middle, high = np.quantile(values, [_LOW, 0.5, _HIGH])
+        low, middle, high = np.quantile(values, [LOW, 0.5, HIGH])
         axes.plot([low, high], [i + 0.35] * 2, color="0.2", linewidth=1.2)
         axes.plot(middle, i + 0.35, "|", color="0.2", markersize=8, markeredgewidth=1.6)
     names = _names(compared)
@@ -120,18 +121,10 @@ def _strips(axes: Axes, compared: ComparedGains, limit: Requirement) -> None:
 
 
 def _band(axes: Axes, compared: ComparedGains, name: str, since: float, which: int) -> None:
+    """Band of a set, and behind it the median of the first."""
     times = compared.comparison.times
     shown = times >= since * times[-1]
     for i in dict.fromkeys([0, which]):
-        values = compared.comparison.series[name][i][:, shown]
-        values = values[~np.isnan(values).any(axis=1)]
-        if not len(values):
-            continue
-        low, middle, high = np.quantile(values, [_LOW, 0.5, _HIGH], axis=0)
-        if i == which:
-            axes.fill_between(times[shown], low, high, color=pen(0)["color"], alpha=0.3, linewidth=0.0)
-            axes.plot(times[shown], middle, **pen(0))
-        else:
-            axes.plot(times[shown], middle, **REFERENCE)
-    if name != "contact_force":
-        axes.set_yscale("log")
+        values = finished(compared.comparison.series[name][i][:, shown])
+        line, most = (pen(0), {"color": pen(0)["color"], "alpha": 0.3}) if i == which else (REFERENCE, None)
+        band(axes, times[shown], values, (LOW, HIGH), line, most)

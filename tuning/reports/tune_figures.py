@@ -9,14 +9,16 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
+from coopmm_jax.plotting.bands import band, finished, scale
+from coopmm_jax.plotting.lines import TIME
 from coopmm_jax.plotting.style import legend, panels, pen, styled
 from coopmm_jax.sweeps.measure import SERIES
+from coopmm_jax.sweeps.statistics import HIGH, LOW
 
 if TYPE_CHECKING:
     from tuning.studies.result import TuningResult
 
 _BANDS = ("contact_force", "tracking_error", "object_error", "relative_tip_error")
-_LOW, _HIGH = 0.05, 0.95
 
 
 @styled
@@ -65,17 +67,11 @@ def bands(result: TuningResult) -> Figure:
     figure, all_axes = panels(None, [[name] for name in _BANDS], 7.0)
     for axes, name in zip(all_axes, _BANDS, strict=True):
         for i, label in enumerate(("before", "after")):
-            values = comparison.series[name][i]
-            values = values[~np.isnan(values).any(axis=1)]
-            if not len(values):
-                continue
-            low, middle, high = np.quantile(values, [_LOW, 0.5, _HIGH], axis=0)
-            style = pen(4 * i)
-            axes.fill_between(comparison.times, low, high, color=style["color"], alpha=0.2, linewidth=0.0)
-            axes.plot(comparison.times, middle, label=label, **style)
-        if name != "contact_force":
-            axes.set_yscale("log")
-        axes.set_ylabel(f"{name.replace('_', ' ')} [{SERIES[name][0]}]")
+            line = pen(4 * i)
+            values = finished(comparison.series[name][i])
+            most = {"color": line["color"], "alpha": 0.2}
+            band(axes, comparison.times, values, (LOW, HIGH), line | {"label": label}, most)
+        scale([axes], name, f"[{SERIES[name][0]}]")
     legend(all_axes[0])
-    all_axes[-1].set_xlabel("time [s]")
+    all_axes[-1].set_xlabel(TIME)
     return figure
