@@ -98,6 +98,13 @@ def test_figures_have_settings_of_their_own(simulated_paper, tmp_path):
     assert (tmp_path / "mine.png").read_bytes() == (tmp_path / "usual.png").read_bytes()
 
 
+def test_a_description_cannot_steer_the_terminal(simulation, tmp_path, capsys):
+    text = r'base = "paper"' + "\n" + r'description = "\u001b[31mred\u001b[2J\ntwo"'
+    (tmp_path / "red.toml").write_text(text + "\n")
+    assert main(["simulate", str(tmp_path / "red.toml")]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == r"\x1b[31mred\x1b[2J two"
+
+
 def test_publishing_warns_outside_the_command_line_too(tmp_path):
     with pytest.warns(Notice, match=r"^a\.png was left out \(ValueError: invalid literal for int"):
         style.publish(tmp_path, {"a.png": lambda: int("no")})

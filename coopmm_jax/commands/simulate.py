@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import coopmm_jax
 from coopmm_jax.commands import DONE, ROLLOUT_FAILED
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
-from coopmm_jax.errors import UserError
+from coopmm_jax.errors import UserError, one_line
 from coopmm_jax.files import resolve_path, result_folder
 from coopmm_jax.metrics.table import METRICS, SHOWN, as_text
 from coopmm_jax.runs.store import write_run
@@ -20,6 +20,8 @@ from coopmm_jax.scenario.scenario import Scenario, load_scenario
 if TYPE_CHECKING:
     from coopmm_jax.commands import Subparsers
     from coopmm_jax.runs.trajectory import Trajectory
+
+_WIDEST = 1000  # characters of a description that are printed
 
 
 def add(commands: Subparsers) -> None:
@@ -92,7 +94,7 @@ def _report(scenario: Scenario, trajectory: Trajectory) -> int:
     settings = scenario.simulation
     if not trajectory.ok:
         print(f"failed at {trajectory.status_time:g} of {settings.duration:g} s: {trajectory.status.message}")
-    print(scenario.description)
+    print(one_line(scenario.description, _WIDEST))
     steps = scenario.steps * max(1, scenario.structure().substeps)
     print(f"{settings.duration:g} s in {steps} steps of {settings.step:g} s, {settings.precision}")
     for name in SHOWN:

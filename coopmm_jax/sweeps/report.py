@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coopmm_jax.errors import one_line
 from coopmm_jax.files import write_csv, write_json, write_text
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.status import Status
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
+_WIDEST = 1000  # characters of a description that are printed
 _LISTED = 10  # failed samples that are printed; failed.csv has them all
 _STRONGEST = 3  # parameters that are printed for each requirement
 
@@ -31,7 +33,10 @@ def text(results: Results) -> str:
     """Success probabilities, quantiles, what matters, and which samples failed, for a terminal."""
     n, settings = len(results.index), results.scenario.simulation
     computed = f"{n} samples" if n == results.total else f"{n} of {results.total} samples (the rest is not there yet)"
-    head = [results.scenario.description, f"{computed} of {settings.duration:g} s, seed {settings.seed}"]
+    head = [
+        one_line(results.scenario.description, _WIDEST),
+        f"{computed} of {settings.duration:g} s, seed {settings.seed}",
+    ]
     head += [f"damaged, and not counted: {text}" for text in damaged(results.data)]
     if not results.completed.any():
         head.insert(0, f"all {n} samples failed: none reached {settings.duration:g} s")
