@@ -262,7 +262,7 @@ def test_ffmpeg_that_fails_leaves_the_old_film(run, ffmpeg, tmp_path):
         ("folder.gif", {}, "--out: must be a file, was the folder "),
         ("run.gif", {"width": 398}, "width: must be an even number of pixels from 400 to 1920, was 398"),
         ("run.gif", {"width": 401}, "width: must be an even number of pixels from 400 to 1920, was 401"),
-        ("run.gif", {"fps": 0.0}, "fps: must be above 0 and at most 50 frames per second, was 0.0"),
+        ("run.gif", {"fps": 0.0}, "fps: must be from 0.01 to 50 frames per second, was 0.0"),
         ("run.gif", {"speed": -1.0}, "speed: must be above 0 simulated seconds per second, was -1.0"),
         ("run.gif", {"labels": ["a", "b"]}, "labels: must be 1, one for each trajectory, was 2"),
     ],
