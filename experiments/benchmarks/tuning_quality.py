@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     budget = options.budget_factor * load_scenario(options.scenario).tuning.budget
     options.out.mkdir(parents=True, exist_ok=True)
     rows: list[Quality] = []
-    with (options.out / f"tuning_{options.scenario}.csv").open("w", newline="", encoding="utf-8") as file:
+    with (options.out / f"tuning_{Path(options.scenario).stem}.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(Quality._fields)
         print("".join(f"{name:>13}" for name in Quality._fields), flush=True)
@@ -81,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def gains_path(options: argparse.Namespace, seed: int) -> Path:
     """Place of the gains that a seed has found."""
-    return options.out / f"tuned_{options.scenario}_{seed}.toml"
+    return options.out / f"tuned_{Path(options.scenario).stem}_{seed}.toml"
 
 
 def measure(options: argparse.Namespace, seed: int, budget: float) -> Quality:
