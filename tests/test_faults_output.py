@@ -159,11 +159,13 @@ def test_a_checkout_runs_without_being_installed(tmp_path):
         for entry in path.iterdir():
             if "coopmm" not in entry.name and entry.suffix != ".pth":
                 (tmp_path / entry.name).symlink_to(entry)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(CHECKOUT), str(tmp_path)))}
+    for package in ("coopmm_jax", "tuning"):  # without what an installation in place leaves beside them
+        (tmp_path / package).symlink_to(CHECKOUT / package)
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
 
     def run(*arguments):
         command = [sys.executable, "-S", *arguments]
-        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
 
     listed = run("-m", "coopmm_jax.cli", "scenarios")
     assert (listed.returncode, listed.stdout.split()[0]) == (0, "free")
