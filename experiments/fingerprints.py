@@ -13,6 +13,7 @@ import argparse
 import hashlib
 import inspect
 import os
+import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
@@ -84,8 +85,8 @@ def _module(*names: str) -> Any:
     return import_module(names[-1])
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print a line for each scenario and part."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print a line for each scenario and part; the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenarios", nargs="+", default=list(cm.list_scenarios()))
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
@@ -96,7 +97,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for name in options.scenarios:
         for part in options.parts:
             print(f"{name:12} {part:12} {PARTS[part](cm.load_scenario(name))}", flush=True)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -15,12 +15,14 @@ import shlex
 import sys
 import time
 import traceback
+from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 
 from coopmm_jax import cli, runtime
 from experiments import readme_media
-from experiments.benchmarks import falsify, gradients, loops, rollout, sweep, tuners
+from experiments.benchmarks import falsify, gradients, loops, rollout, sweep, tuners, tuning_quality
 
 VALUE = re.compile(r"^(\S.*?) +# (-?\d+(?:\.\d+)?) ")  # a line of Python with what it is said to give
 
@@ -39,6 +41,9 @@ def make_experiments_small():
     sweep.measure = functools.cache(sweep.measure)
     falsify.HORIZON = 0.02
     tuners.DURATION = 0.02
+    # Its command in this process, which has compiled what it runs and can no longer change XLA's options.
+    tuning_quality.subprocess = SimpleNamespace(run=lambda line, **_: cli.main(line[3:]))
+    tuning_quality.runtime = SimpleNamespace(use_fast_compilation=lambda batches: True, use_compilation_cache=Path)
     gradients._reverse = functools.partial(gradients._differences, step=1e-4)  # the gradient takes half a minute
 
 

@@ -12,6 +12,8 @@ import jax
 import pytest
 from PIL import Image
 
+from coopmm_jax.scenario.overrides import split
+from coopmm_jax.scenario.scenario import load_scenario
 from experiments import readme_media
 from tests import readme_worker, tuning_worker
 
@@ -44,12 +46,15 @@ SMALL = {
     "coopmm simulate --help": [],
     "python -m experiments.reproduce_paper": ["--duration", "0.05"],
     "python -m experiments.paper_checks": ["u26"],
+    "python -m experiments.fingerprints": shlex.split("--scenarios paper --parts trajectory"),
+    "python -m experiments.fuzz": ["--cases", "20"],
     "python -m experiments.readme_media": [],
     "python -m experiments.benchmarks.rollout": ["--rounds", "1"],
     "python -m experiments.benchmarks.loops": ["--rounds", "1"],
     "python -m experiments.benchmarks.sweep": [],
     "python -m experiments.benchmarks.gradients": ["--duration", "0.1"],
     "python -m experiments.benchmarks.falsify": shlex.split("--samples 700 --seeds 1"),
+    "python -m experiments.benchmarks.tuning_quality": shlex.split("--scenario short_tuning.toml --seeds 1"),
     "python -m experiments.benchmarks.tuners": shlex.split(
         "--problems shared --tuners coopmm nelder_mead --seeds 1 --seconds 0.5"
     ),
@@ -86,6 +91,7 @@ def folder(tmp_path_factory):
 def results(folder):
     """Command or block -> what came of it, in the order of the READMEs, as some need what others wrote."""
     known = [command for command in COMMANDS if command in SMALL]
+    (folder / "short_tuning.toml").write_text(load_scenario("sensed", **split(SHORT_TUNING)[1]).to_toml(), "utf-8")
     jobs = [("command", command, SMALL[command]) for command in known] + [("block", block, []) for block in BLOCKS]
     own = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
