@@ -19,7 +19,7 @@ from coopmm_jax.scenario.scenario import Scenario, load_scenario
 if TYPE_CHECKING:
     from coopmm_jax.commands import Subparsers
 
-ADVERSARIES = 4  # of --adversarial: a fifth of what the last descent is trained on after four iterations
+ADVERSARIES = 4  # of --adversarial: as many samples as a generation draws
 
 
 def add(commands: Subparsers) -> None:
