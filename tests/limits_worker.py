@@ -17,7 +17,6 @@ LIMIT = {"wheel": 20.0, "joint": 4.0}  # [N m], low enough that much of the star
 STEP, STEPS = 1e-3, 500
 NAMES = ("K_I", "K_lambda", "K_sigma", "k1")
 RELATIVE_STEP = 1e-5  # of central differences: small enough that hardly a sample passes a hard limit's corner
-FORMS = ("hard", "smooth")
 
 
 def sample_cost(total, t, signals):
@@ -30,8 +29,8 @@ def sample_cost(total, t, signals):
     return cost + error / STEPS, largest
 
 
-def results_with(form):
-    """Cost, largest share of a limit, gradient and central differences (the numbers of NAMES) with a form of limits."""
+def limited_cost(form):
+    """Cost and largest share of a limit as a function of the gains of NAMES, and these; with a form of limits."""
     actuators = {f"{kind}_limit": limit for kind, limit in LIMIT.items()}
     scenario = load_scenario("sensed", actuators=actuators | {"limit_form": form})
     parameters = scenario.parameters()
@@ -39,20 +38,33 @@ def results_with(form):
 
     def cost(gains):
         own = parameters._replace(gains=parameters.gains._replace(**gains))
-        plan = Plan.gradient(STEPS)
-        return rollout(scenario.structure(), own, STEP, STEPS, plan, observer).total
+        return rollout(scenario.structure(), own, STEP, STEPS, Plan.gradient(STEPS), observer).total
 
-    gains = {name: getattr(parameters.gains, name) for name in NAMES}
+    return cost, {name: getattr(parameters.gains, name) for name in NAMES}
+
+
+def by_reverse_mode(form):
+    """Slopes by every gain, in reverse mode and by central differences."""
+    cost, gains = limited_cost(form)
     reverse = jax.jit(jax.value_and_grad(cost, has_aux=True))
     (value, largest), gradient = reverse(gains)
     central = central_differences(lambda x: reverse(x)[0][0], gains, RELATIVE_STEP)
     return {"cost": float(value), "largest": float(largest), "gradient": flat(gradient), "central": central}
 
 
+def by_forward_mode(form):
+    """One slope along all gains as they are, by forward mode, which compiles in a quarter of the time."""
+    cost, gains = limited_cost(form)
+    forward = jax.jit(lambda scale: jax.jvp(lambda s: cost(jax.tree.map(lambda x: s * x, gains)), (scale,), (1.0,)))
+    (value, largest), (slope, _) = forward(1.0)
+    central = central_differences(lambda x: forward(x["scale"])[0][0], {"scale": 1.0}, RELATIVE_STEP)
+    return {"cost": float(value), "largest": float(largest), "gradient": [float(slope)], "central": central}
+
+
 def main():
-    """Print ``results_with`` each form of limits."""
+    """Print what each form of limits gives."""
     start_worker()
-    print(json.dumps({form: results_with(form) for form in FORMS}))
+    print(json.dumps({"hard": by_forward_mode("hard"), "smooth": by_reverse_mode("smooth")}))
 
 
 if __name__ == "__main__":

@@ -67,10 +67,10 @@ def limited_loops():
     return json.loads(run_worker(limits_worker))
 
 
-@pytest.mark.parametrize("form", limits_worker.FORMS)
-def test_gradients_through_limits_are_those_of_central_differences(limited_loops, form):
+@pytest.mark.parametrize(("form", "numbers"), [("hard", 1), ("smooth", 4 + 4 + 6 + 1)])
+def test_gradients_through_limits_are_those_of_central_differences(limited_loops, form, numbers):
     gradient, central = (np.array(limited_loops[form][name]) for name in ("gradient", "central"))
-    assert gradient.shape == (4 + 4 + 6 + 1,)
+    assert gradient.shape == (numbers,)
     assert np.all(gradient != 0)
     np.testing.assert_allclose(gradient, central, rtol=5e-5)
 

@@ -1,5 +1,6 @@
 """The notebooks run from a clean checkout, at small size, and are committed without what running them leaves behind."""
 
+import functools
 import os
 import re
 from pathlib import Path
@@ -17,17 +18,35 @@ each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path
 SECONDS = 300  # of one cell, with every function compiled anew on a busy machine
 
 
-@pytest.fixture
-def environment():
-    """Small size, and the compilation cache of the tests."""
-    return os.environ | {"COOPMM_SMALL": "1", "COOPMM_CACHE_DIR": jax.config.jax_compilation_cache_dir}
+@pytest.fixture(scope="module")
+def kernels():
+    """Call that sets XLA's options -> client of a kernel, shared by the notebooks that ask for it.
+
+    They share imports and compiled programs, not names. Of small size, with the compilation cache of the tests.
+    """
+    environment = os.environ | {"COOPMM_SMALL": "1", "COOPMM_CACHE_DIR": jax.config.jax_compilation_cache_dir}
+    clients = []
+
+    def start(*options):
+        place = {"metadata": {"path": EXPERIMENTS / "notebooks"}}
+        clients.append(NotebookClient(nbformat.v4.new_notebook(), timeout=SECONDS, resources=place))
+        clients[-1].execute(env=environment, cleanup_kc=False)
+        return clients[-1]
+
+    yield functools.cache(start)
+    for client in clients:
+        with client.setup_kernel():  # which ends it
+            pass
 
 
 @each_notebook
-def test_runs(path, environment):
-    notebook = nbformat.read(path, as_version=4)
-    client = NotebookClient(notebook, timeout=SECONDS, resources={"metadata": {"path": path.parent}})
-    client.execute(env=environment)
+def test_runs(path, kernels):
+    text = path.read_text(encoding="utf-8")
+    notebook = nbformat.reads(text, as_version=4)
+    notebook.cells.insert(0, nbformat.v4.new_code_cell("%reset -f"))
+    client = kernels(*re.findall(r"use_fast_compilation\(.*?\)", text))
+    client.nb = notebook
+    client.execute(cleanup_kc=False)
     outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     assert not [output.text for output in outputs if "Warning" in output.get("text", "")]
     assert any("image/png" in output.get("data", {}) for output in outputs)
