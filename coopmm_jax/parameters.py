@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
 
 
 class Geometry(NamedTuple):
@@ -43,11 +43,12 @@ class Inertia(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """The coupling's geometry [m]: the object's concave arc and the guide that holds the object."""
+    """The coupling's geometry [m]: the object's surface and the guide that holds the object."""
 
-    contact_radius: Scalar = 0.7  # Rc
+    contact_radius: Scalar = 0.7  # Rc of the concave arc
     guide_radius: Scalar = 1.7  # radius of the object's circle
     guide_height: Scalar = 1.0  # height of the object
+    shape: PyTree = None  # of another surface than the arc (``mechanics/surfaces.py``)
 
 
 class Plant(NamedTuple):

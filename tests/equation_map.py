@@ -17,6 +17,8 @@ EQUATIONS = {
     "mechanics.robot_dynamics": ("(5), (9)", "inertia and bias forces of one robot"),
     "mechanics.robot_kinematics": ("(6)-(9)", "chained form zeta, body rates, wheels, the arm's tip"),
     "mechanics.constraints": ("(10)", "residual phi, Jacobian J, Jdot u, row by row"),
+    "mechanics.arc_contact": ("(10)", "the contact's row on the paper's arc"),
+    "mechanics.level_contact": ("(10)", "the same on any other surface"),
     "mechanics.partitioning": ("(10), (40)", "map L from independent to all velocities, multipliers lambda"),
     "mechanics.constrained_kinematics": ("(10)", "the constrained motion at one state"),
     "mechanics.constrained_dynamics": ("(9), (11)", "coupled dynamics, reduced inertia"),

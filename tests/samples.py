@@ -3,7 +3,10 @@
 import numpy as np
 
 from coopmm_jax.mechanics import robot_kinematics
+from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.mechanics.partitioning import dependent_solution
+from coopmm_jax.mechanics.surfaces import Conic, Plane, Profile
 from coopmm_jax.parameters import ALL_ROWS, Geometry, Inertia, Parameters, Plant, Pose, Surface
 from tests.oracles import lagrangian
 
@@ -14,6 +17,15 @@ ROW_SETS = [
     ("contact_normal", "contact_height"),
     ("contact_normal",),
 ]
+SHAPES = {
+    "arc": Conic(1.0 / 0.7, 1.0 / 0.7),
+    "plane": Plane(),
+    "convex arc": Conic(-2.0, -2.0),
+    "hollow ellipse": Conic(1.2, 10.0 / 3.0),
+    "convex ellipse": Conic(-0.8, -1.5),
+    "parabola": Conic(0.9, 0.0),
+    "quartic": Profile((0.4, -0.3, 0.5)),
+}
 
 
 def random_geometry(rng):
@@ -41,6 +53,25 @@ def random_pair(rng):
         [radius * np.cos(th), radius * np.sin(th), [th, th], [1.2, 1.57], [-0.7, 2.1], [1.5, 2.1]]
     )
     return plant, nominal + rng.uniform(-0.2, 0.2, (2, 6))
+
+
+def at_surface(shape, seed):
+    """The paper's plant with another surface, and both robots at random near their desired places, q on all rows."""
+    plant = Plant(surface=Surface(shape=shape))
+    rng = np.random.default_rng(seed)
+    q = np.array([[2.4, 0.0, 0.0, 1.35, -0.75, 1.5], [1.0, 0.0, 0.0, 1.57, 2.34, 1.6]])
+    return plant, on_rows(plant, q + rng.uniform(-0.05, 0.05, (2, 6)))
+
+
+def on_rows(plant, q, motion=None):
+    """q (2, 6) moved onto all constraint rows, of a surface that may have moved."""
+    model, position = model_of(plant), positions(q)
+    for _ in range(8):
+        k = kinematics(model, ALL_ROWS, position, (0.0,) * 6, motion)
+        change = dependent_solution(k.reduction, k.reduction.rows.phi)
+        position = tuple(map(robot_kinematics.arm_moved, position, change))
+    assert np.abs(vector(kinematics(model, ALL_ROWS, position, (0.0,) * 6, motion).reduction.rows.phi)).max() < 1e-14
+    return poses(tuple(map(vector, position)))
 
 
 def admissible(rows, plant, q, rng):

@@ -5,11 +5,14 @@ import pytest
 
 from coopmm_jax.mechanics import constrained_dynamics, constraints, partitioning
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
+from coopmm_jax.parameters import ALL_ROWS
 from tests.oracles import lagrangian
 from tests.samples import (
     ROW_SETS,
+    SHAPES,
     admissible,
     assert_close,
+    at_surface,
     joined,
     linear_map,
     model_of,
@@ -23,9 +26,9 @@ from tests.samples import (
 class Case:
     """The simulator and the Lagrangian at one random state with J u = 0."""
 
-    def __init__(self, rows, seed):
+    def __init__(self, rows, seed, shape=None):
         self.rng = np.random.default_rng(seed)
-        self.plant, self.q = random_pair(self.rng)
+        self.plant, self.q = at_surface(SHAPES[shape], seed) if shape else random_pair(self.rng)
         self.terms, self.u = admissible(rows, self.plant, self.q, self.rng)
         self.rows, self.n = rows, 10 - len(rows)
         self.L, self.L_dot_u1 = lagrangian.velocity_basis(rows, self.terms)
@@ -42,7 +45,10 @@ class Case:
         return linear_map(lambda lam: joined(partitioning.constraint_force(self.reduction, lam)), len(self.rows)).T
 
 
-@pytest.fixture(scope="module", params=[(rows, seed) for rows in ROW_SETS for seed in range(3)], ids=str)
+CASES = [(rows, seed) for rows in ROW_SETS for seed in range(3)] + [(ALL_ROWS, 0, shape) for shape in SHAPES]
+
+
+@pytest.fixture(scope="module", params=CASES, ids=str)
 def case(request):
     return Case(*request.param)
 

@@ -8,10 +8,21 @@ import pytest
 
 from coopmm_jax.mechanics import plant, robot_kinematics
 from coopmm_jax.mechanics.constraints import sliding_rows
+from coopmm_jax.mechanics.contact_surface import surface_motion
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.parameters import Disturbance, Features, Hardware, Parameters, Structure
+from coopmm_jax.parameters import ALL_ROWS, Disturbance, Features, Hardware, Parameters, Structure
 from tests.oracles import hardware, lagrangian
-from tests.samples import ROW_SETS, assert_close, joined, positions, random_pair, vector
+from tests.samples import (
+    ROW_SETS,
+    SHAPES,
+    assert_close,
+    at_surface,
+    joined,
+    on_rows,
+    positions,
+    random_pair,
+    vector,
+)
 
 REAL = Hardware(
     wheel_viscous=0.3,
@@ -31,13 +42,16 @@ NOW = 0.7  # [s]
 class Case:
     """Simulator's answer at a random state, time and torque, with all that the plant can have switched on."""
 
-    def __init__(self, rows, seed):
+    def __init__(self, rows, seed, shape=None):
         rng = np.random.default_rng(seed)
-        pair, self.q = random_pair(rng)
+        pair, self.q = at_surface(SHAPES[shape], seed) if shape else random_pair(rng)
+        if shape:
+            self.q = on_rows(pair, self.q, surface_motion(REAL, NOW))
         disturbance = Disturbance(scale=2.0, phase=0.3)
         self.parameters = Parameters(plant=pair, nominal=pair.inertia, disturbance=disturbance, hardware=REAL)
         self.structure = Structure(rows=rows, features=Features(friction=True, tip_friction=True, surface_motion=True))
         self.model = build_model(self.parameters)
+        self.plant = hardware.plant_now(pair, REAL, NOW)
         independent = tuple(rng.uniform(-1, 1, 10 - len(rows)).tolist())
         self.kinematics = plant.plant_kinematics(self.structure, self.model, NOW, positions(self.q), independent)
         self.u = joined(self.kinematics.velocity)
@@ -50,26 +64,31 @@ class Case:
         self.lam = vector(self.moved.multipliers)
 
 
-@pytest.fixture(scope="module", params=[(rows, seed) for rows in ROW_SETS for seed in range(3)], ids=str)
+CASES = [(rows, seed) for rows in ROW_SETS for seed in range(3)]
+CASES += [(ALL_ROWS, 0, shape) for shape in ("plane", "hollow ellipse", "quartic")]
+
+
+@pytest.fixture(scope="module", params=CASES, ids=str)
 def case(request):
     return Case(*request.param)
 
 
 def test_velocity_follows_the_moving_surface(case):
     rows = case.structure.rows
-    _, J, _ = lagrangian.constraint_terms(case.parameters.plant, rows, case.q, case.u)
+    _, J, _ = lagrangian.constraint_terms(case.plant, rows, case.q, case.u)
     expected = np.zeros(len(rows))
-    expected[0] = -hardware.surface_rates(case.parameters.plant, REAL, NOW)[0]
+    expected[0] = -hardware.surface_rates(case.plant, REAL, NOW, case.q)[0]
     np.testing.assert_allclose(J @ case.u, expected, rtol=0, atol=1e-13)
 
 
 def test_acceleration_and_multipliers_solve_the_constrained_dynamics(case):
     rows, u_dot = case.structure.rows, joined(case.moved.full)
-    terms = lagrangian.coupled_terms(case.parameters.plant, rows, case.q, case.u)
-    driving = np.asarray(hardware.driving_force(case.parameters, NOW, case.q, case.u, case.torque, case.lam[0]))
+    parameters = case.parameters._replace(plant=case.plant)
+    terms = lagrangian.coupled_terms(case.plant, rows, case.q, case.u)
+    driving = np.asarray(hardware.driving_force(parameters, NOW, case.q, case.u, case.torque, case.lam[0]))
     assert_close(terms.M @ u_dot, driving - terms.h + terms.J.T @ case.lam, 1e-12)
     surface = np.zeros(len(rows))
-    surface[0] = hardware.surface_rates(case.parameters.plant, REAL, NOW)[1]
+    surface[0] = hardware.surface_acceleration(case.plant, REAL, NOW, case.q, case.u)
     assert_close(terms.J @ u_dot + terms.J_dot_u, -surface, 1e-12)
     independent = [i for i in range(10) if i not in lagrangian.dependent_joints(rows)]
     assert_close(vector(case.moved.independent), u_dot[independent], 1e-14)
@@ -78,17 +97,17 @@ def test_acceleration_and_multipliers_solve_the_constrained_dynamics(case):
 def test_power_balance(case):
     """Constraint forces do no work, but for lambda_n on the moving surface; friction takes energy out."""
     q_dot = np.stack([lagrangian.chained_basis(q) @ u for q, u in zip(case.q, case.u.reshape(2, 5), strict=True)])
-    energy = partial(hardware.energy, case.parameters.plant)
+    energy = partial(hardware.energy, case.plant)
     _, rate = jax.jvp(energy, (case.q, case.u), (q_dot, joined(case.moved.full)))
     power = partial(hardware.power, t=NOW, q=case.q, u=case.u, torque=case.torque, normal=case.lam[0])
-    assert float(rate) == pytest.approx(float(power(case.parameters)), rel=1e-11)
+    parameters = case.parameters._replace(plant=case.plant)
+    assert float(rate) == pytest.approx(float(power(parameters)), rel=1e-11)
     smooth = Hardware(surface_amplitude=0.05, surface_frequency=3.0, surface_phase=0.4)
-    assert float(rate) < float(power(case.parameters._replace(hardware=smooth)))
+    assert float(rate) < float(power(parameters._replace(hardware=smooth)))
 
 
 def test_sliding_rows(case):
-    model = case.model
-    rows = joined(sliding_rows(model.surface, case.kinematics.bodies))
-    speed, gradient = jax.value_and_grad(lambda u: hardware.sliding_speed(case.parameters.plant, case.q, u))(case.u)
+    rows = joined(sliding_rows(case.kinematics.bodies))
+    speed, gradient = jax.value_and_grad(lambda u: hardware.sliding_speed(case.plant, case.q, u))(case.u)
     assert_close(rows, np.asarray(gradient), 1e-14)
     assert rows @ case.u == pytest.approx(float(speed), rel=1e-12)

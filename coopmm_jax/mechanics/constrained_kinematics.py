@@ -44,15 +44,15 @@ def kinematics(
         motion: of the object's surface. It adds to what (10) says: u = L u^1 + c with J c = -dphi/dt.
     """
     b = bodies(model.surface, model.geometry, position)
-    radius = None if motion is None else motion.radius
-    reduction = reduce(constraint_rows(model.surface, rows, b, radius), rows)
+    reduction = reduce(constraint_rows(model.surface, rows, b, motion), rows)
     velocity = expand(reduction, independent)
+    phi_rate, phi_acceleration = (0, 0) if motion is None else b.contact.phi_rates(motion)
     if motion is not None:
-        carried = dependent_solution(reduction, _in_normal_row(rows, motion.phi_rate))
+        carried = dependent_solution(reduction, _in_normal_row(rows, phi_rate))
         velocity = per_robot(plus, velocity, carried)
     bias = convective(model.surface, model.geometry, rows, b, velocity)
     if motion is not None:
-        bias = plus(bias, _in_normal_row(rows, motion.phi_acceleration))
+        bias = plus(bias, _in_normal_row(rows, phi_acceleration))
 
     def factors(geometry: Geometry, arm: Posture, T: Matrix, u: Vector) -> Factors:
         return robot_dynamics.factors(geometry, model.gravity, arm, T @ u)

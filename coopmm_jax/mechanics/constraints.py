@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from coopmm_jax.algebra.matrix import Matrix, dot, minus, plus, scaled, sub
-from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.algebra.matrix import Matrix, dot, plus, scaled, sub
+from coopmm_jax.algebra.types import Pair, Vector
 from coopmm_jax.mechanics import robot_kinematics
-from coopmm_jax.mechanics.contact_surface import Contact, contact, to_arm1
+from coopmm_jax.mechanics.arc_contact import ArcContact, arc_contact
+from coopmm_jax.mechanics.contact_surface import SurfaceMotion
+from coopmm_jax.mechanics.level_contact import LevelContact, level_contact
 from coopmm_jax.mechanics.robot import JOINTS, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, Posture
 from coopmm_jax.parameters import Geometry, Surface
@@ -25,7 +27,7 @@ class Bodies(NamedTuple):
     arm: Pair[Posture]
     T: Pair[Matrix]  # body rates from u
     tip: Pair[tuple[Vector, Vector, Vector]]  # Jacobian rows along e, n, up
-    contact: Contact
+    contact: ArcContact | LevelContact
 
 
 class Rows(NamedTuple):
@@ -34,42 +36,42 @@ class Rows(NamedTuple):
     phi: Vector
     J: Pair[Matrix]
     contacts: int  # rows that act on both robots; the rest act on robot II
-    contact_point: Vector  # D = p1 - C along arm II's axes (e, n) [m]
+    contact_point: Vector  # tip I from the arc's centre, else from the object, along arm II's axes (e, n) [m]
 
 
 def bodies(surface: Surface, geometry: Pair[Geometry], position: Pair[Position]) -> Bodies:
     """Kinematics shared by inertia, constraints and control."""
     arms = per_robot(robot_kinematics.posture, geometry, position)
+    tips = per_robot(robot_kinematics.tip_position, geometry, position, arms)
     return Bodies(
         position,
         arms,
         per_robot(robot_kinematics.body_map, position),
         per_robot(robot_kinematics.tip_rows, geometry, arms),
-        contact(surface, geometry, position, arms),
+        _contact(surface, position, tips),
     )
 
 
-def constraint_rows(surface: Surface, names: tuple[str, ...], b: Bodies, radius: Scalar | None = None) -> Rows:
+def _contact(surface: Surface, position: Pair[Position], tips: Pair[Vector]) -> ArcContact | LevelContact:
+    if surface.shape is None:
+        return arc_contact(surface, position, tips)
+    return level_contact(surface.shape, position, tips)
+
+
+def constraint_rows(surface: Surface, names: tuple[str, ...], b: Bodies, motion: SurfaceMotion | None = None) -> Rows:
     """phi and J of the rows in force; J u = 0, or J u = -dphi/dt where the surface moves.
 
     Args:
         surface: the coupling's lengths [m].
         names: constraint rows, in the order of ``ALL_ROWS``.
         b: both robots' kinematics.
-        radius: of the arc now [m], where it is not its nominal Rc.
+        motion: of the object's surface now, where it moves.
     """
-    Rc, Rg = surface.contact_radius, surface.guide_radius
-    now = Rc if radius is None else radius
-    at, ((e1, n1, up1), (e2, n2, up2)) = b.contact, b.tip
-    n_centre = (*n2[:2], sub(n2[2], Rc), *n2[3:])  # the centre's velocity across arm II: tip's less Rc times arm yaw
+    Rg, at, (_, _, up1), (e2, n2, up2) = surface.guide_radius, b.contact, *b.tip
     none = (0,) * JOINTS
     p = at.tip2
     table = {
-        "contact_normal": (
-            (now * now - dot(at.D1, at.D1)) / (2.0 * Rc),
-            scaled(-1.0 / Rc, plus(scaled(at.D1[0], e1), scaled(at.D1[1], n1))),
-            scaled(1.0 / Rc, plus(scaled(at.D2[0], e2), scaled(at.D2[1], n_centre))),
-        ),
+        "contact_normal": at.normal_row(b.tip, motion),
         "contact_height": (b.arm[0].height - b.arm[1].height, up1, tuple(sub(0, x) for x in up2)),
         "guide_radial": (
             (dot(p, p) - Rg * Rg) / (2.0 * Rg),
@@ -80,23 +82,15 @@ def constraint_rows(surface: Surface, names: tuple[str, ...], b: Bodies, radius:
     }
     phi, J1, J2 = zip(*(table[name] for name in names), strict=True)
     contacts = sum(name.startswith("contact") for name in names)
-    return Rows(phi, (Matrix(J1) @ b.T[0], Matrix(J2) @ b.T[1]), contacts, at.D2)
+    return Rows(phi, (Matrix(J1) @ b.T[0], Matrix(J2) @ b.T[1]), contacts, at.point)
 
 
-def sliding_rows(surface: Surface, b: Bodies) -> Pair[Vector]:
-    """Rows (5,) of each robot in u whose sum is the speed at which tip I slides along the arc [m/s].
+def sliding_rows(b: Bodies) -> Pair[Vector]:
+    """Rows (5,) of each robot in u whose sum is the speed at which tip I slides along the surface [m/s].
 
     The surface turns with arm II, so its point at the contact moves at p2dot + W2 x (p1 - p2).
     """
-    Rc = surface.contact_radius
-    (e1, n1, _), (e2, n2, _) = b.tip
-    yaw = (0, 0, 1, 0, 0)
-    D1, D2 = b.contact.D1, b.contact.D2
-    along = plus(e2, scaled(-D2[1], yaw))
-    across = plus(n2, scaled(D2[0] - Rc, yaw))
-    slide1 = plus(scaled(-D1[1] / Rc, e1), scaled(D1[0] / Rc, n1))
-    slide2 = plus(scaled(D2[1] / Rc, along), scaled(-D2[0] / Rc, across))
-    return b.T[0].T @ slide1, b.T[1].T @ slide2
+    return per_robot(lambda T, row: T.T @ row, b.T, b.contact.sliding_rows(b.tip))
 
 
 def convective(
@@ -107,15 +101,12 @@ def convective(
     def bias(g: Geometry, p: Position, arm: Posture, w: Vector, u: Vector) -> Vector:
         return robot_kinematics.tip_bias(g, arm, w, robot_kinematics.body_map_rate(p, u))
 
-    Rc, at = surface.contact_radius, b.contact
+    at = b.contact
     rates = per_robot(lambda T, u: T @ u, b.T, velocity)
     v1, v2 = per_robot(lambda rows, w: tuple(dot(row, w) for row in rows), b.tip, rates)
     a1, a2 = per_robot(bias, geometry, b.position, b.arm, rates, velocity)
-    W2 = rates[1][2]
-    D_rate = minus(v1[:2], to_arm1(at.turn, (v2[0], v2[1] - Rc * W2)))
-    D_acceleration = minus(a1[:2], to_arm1(at.turn, (a2[0] + Rc * W2 * W2, a2[1])))
     table = {
-        "contact_normal": -(dot(D_rate, D_rate) + dot(at.D1, D_acceleration)) / Rc,
+        "contact_normal": at.bias((v1, v2), (a1, a2), rates[1][2]),
         "contact_height": a1[2] - a2[2],
         "guide_radial": (dot(v2[:2], v2[:2]) + dot(at.tip2, a2[:2])) / surface.guide_radius,
         "guide_height": a2[2],

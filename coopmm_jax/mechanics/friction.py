@@ -31,9 +31,9 @@ def friction_torque(hardware: Hardware, rates: Vector) -> Vector:
 def tip_friction(model: Model, k: Kinematics) -> Pair[Vector]:
     """Coulomb friction of the sliding tip for each newton of |lambda_n|, on each robot (5,).
 
-    It acts along the arc; where no groove holds the tip's height, sliding up and down is free of it.
+    It acts along the surface; where no groove holds the tip's height, sliding up and down is free of it.
     """
-    rows = sliding_rows(model.surface, k.bodies)
+    rows = sliding_rows(k.bodies)
     speed = sum(dot(row, u) for row, u in zip(rows, k.velocity, strict=True))
     share = -model.hardware.tip_friction * smooth_sign(speed, model.hardware.slip_speed)
     return per_robot(lambda row: scaled(share, row), rows)

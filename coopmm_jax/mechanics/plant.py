@@ -31,7 +31,7 @@ def plant_kinematics(
 ) -> Kinematics:
     """The true constrained motion (10) at t [s], moving surface included; ``independent`` is u^1 (n,)."""
     moving = structure.features.surface_motion
-    motion = surface_motion(model.hardware, model.surface, t) if moving else None
+    motion = surface_motion(model.hardware, t) if moving else None
     return kinematics(model, structure.rows, position, independent, motion)
 
 

@@ -10,11 +10,14 @@ Both robots together: q (2, 6), u (10,) = robot I's u followed by robot II's, ac
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax.algebra.types import Scalar
+from coopmm_jax.mechanics.surfaces import Shape
 from coopmm_jax.parameters import Disturbance, Hardware, Parameters, Plant
 from tests.oracles import lagrangian
 
@@ -40,6 +43,24 @@ def disturbance_torque(disturbance: Disturbance, t: Scalar) -> jax.Array:
     return wave * _per_actuator(disturbance.wheel, disturbance.joint)
 
 
+class Moved(NamedTuple):
+    """A surface that has given way by ``shift`` [m]."""
+
+    shape: Shape
+    shift: Scalar
+
+    def level(self, e: Scalar, n: Scalar) -> Scalar:
+        return self.shape.level(e, n) + self.shift
+
+
+def plant_now(plant: Plant, hardware: Hardware, t: Scalar) -> Plant:
+    """Plant with its surface where it is at t [s]; an arc's row sees the motion in its rates alone."""
+    if plant.surface.shape is None:
+        return plant
+    shift = hardware.surface_amplitude * float(np.sin(hardware.surface_frequency * t + hardware.surface_phase))
+    return plant._replace(surface=plant.surface._replace(shape=Moved(plant.surface.shape, shift)))
+
+
 def sliding_speed(plant: Plant, q: jax.Array, u: jax.Array) -> jax.Array:
     """Speed of tip I against the object's surface, which turns with arm II, along the arc [m/s].
 
@@ -50,11 +71,13 @@ def sliding_speed(plant: Plant, q: jax.Array, u: jax.Array) -> jax.Array:
         return jax.jvp(lambda q: lagrangian.bodies(geometry, q).tip[:2], (q,), (lagrangian.chained_basis(q) @ u,))
 
     (p1, v1), (p2, v2) = map(tip, plant.geometry, q, u.reshape(2, 5))
-    yaw, Rc = q[1, 2] + q[1, 3], plant.surface.contact_radius
-    D = p1 - p2 + Rc * jnp.stack([-jnp.sin(yaw), jnp.cos(yaw)])
+    yaw = q[1, 2] + q[1, 3]
+    outward = -jax.grad(lambda p: lagrangian.normal_residual(plant.surface, p - p2, yaw))(p1)
+    if plant.surface.shape is not None:
+        outward = outward / jnp.linalg.norm(outward)
     quarter = jnp.array([[0.0, -1.0], [1.0, 0.0]])
     against_surface = v1 - v2 - (u[5] + u[7]) * quarter @ (p1 - p2)
-    return against_surface @ quarter @ D / Rc
+    return against_surface @ quarter @ outward
 
 
 def tip_friction(plant: Plant, hardware: Hardware, q: jax.Array, u: jax.Array, normal: Scalar) -> jax.Array:
@@ -63,16 +86,26 @@ def tip_friction(plant: Plant, hardware: Hardware, q: jax.Array, u: jax.Array, n
     return -hardware.tip_friction * jnp.abs(normal) * _fading_sign(speed, hardware.slip_speed) * row
 
 
-def surface_rates(plant: Plant, hardware: Hardware, t: Scalar) -> tuple[jax.Array, jax.Array]:
+def surface_rates(plant: Plant, hardware: Hardware, t: Scalar, q: jax.Array) -> tuple[jax.Array, jax.Array]:
     """First and second partial time derivative of the normal row's phi [m/s, m/s^2]."""
+    p1, p2 = (lagrangian.bodies(geometry, q_i).tip[:2] for geometry, q_i in zip(plant.geometry, q, strict=True))
 
     def phi(t: Scalar) -> jax.Array:
-        angle = hardware.surface_frequency * t + hardware.surface_phase
-        radius = plant.surface.contact_radius + hardware.surface_amplitude * jnp.sin(angle)
-        return radius**2 / (2 * plant.surface.contact_radius)
+        shift = hardware.surface_amplitude * jnp.sin(hardware.surface_frequency * t + hardware.surface_phase)
+        if plant.surface.shape is None:
+            return (plant.surface.contact_radius + shift) ** 2 / (2 * plant.surface.contact_radius)
+        gradient = jax.grad(lambda p: lagrangian.level(plant.surface.shape, p - p2, q[1, 2] + q[1, 3]))(p1)
+        return shift / jnp.linalg.norm(gradient)
 
     rate = jax.grad(phi)
     return rate(t), jax.grad(rate)(t)
+
+
+def surface_acceleration(plant: Plant, hardware: Hardware, t: Scalar, q: jax.Array, u: jax.Array) -> jax.Array:
+    """What the surface's motion adds to d2phi/dt2 of the normal row [m/s^2]: phi_tt + 2 phi_tq qdot."""
+    q_dot = jnp.stack([lagrangian.chained_basis(q_i) @ u_i for q_i, u_i in zip(q, u.reshape(2, 5), strict=True)])
+    _, mixed = jax.jvp(lambda q: surface_rates(plant, hardware, t, q)[0], (jnp.asarray(q),), (q_dot,))
+    return surface_rates(plant, hardware, t, q)[1] + 2.0 * mixed
 
 
 def driving_force(
@@ -93,7 +126,7 @@ def power(
     parameters: Parameters, t: Scalar, q: jax.Array, u: jax.Array, torque: jax.Array, normal: Scalar
 ) -> jax.Array:
     """Power into the robots' energy [W]: besides the driving force only the moving surface, -lambda_n dphi/dt."""
-    rate, _ = surface_rates(parameters.plant, parameters.hardware, t)
+    rate, _ = surface_rates(parameters.plant, parameters.hardware, t, q)
     return driving_force(parameters, t, q, u, torque, normal) @ u - normal * rate
 
 
@@ -117,5 +150,5 @@ def constraint_residual(
     terms = lagrangian.coupled_terms(parameters.plant, rows, q, u)
     force = np.asarray(driving_force(parameters, t, q, u, torque, lam[0])) + terms.J.T @ lam
     acceleration = terms.J @ np.linalg.solve(terms.M, force - terms.h) + terms.J_dot_u
-    acceleration[0] += float(surface_rates(parameters.plant, parameters.hardware, t)[1])
+    acceleration[0] += float(surface_rates(parameters.plant, parameters.hardware, t, q)[1])
     return acceleration

@@ -26,7 +26,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax.algebra.types import Scalar
-from coopmm_jax.parameters import ALL_ROWS, Geometry, Inertia, Plant
+from coopmm_jax.mechanics.surfaces import Shape
+from coopmm_jax.parameters import ALL_ROWS, Geometry, Inertia, Plant, Surface
 
 Terms = tuple[np.ndarray, np.ndarray]  # a matrix and the vector that goes with it
 
@@ -188,16 +189,35 @@ def input_matrix(geometry: Geometry, q: jax.Array) -> jax.Array:
 def all_constraints(plant: Plant, q: jax.Array) -> jax.Array:
     """phi (4,) of model.md section 2, in the order of ALL_ROWS, at q (2, 6) [m]."""
     p1, p2 = (bodies(geometry, q_i).tip for geometry, q_i in zip(plant.geometry, q, strict=True))
-    Rc, guide_radius, guide_height = plant.surface
-    centre = p2[:2] - Rc * _turned(q[1, 2] + q[1, 3])[:2]
-    from_centre = p1[:2] - centre
+    guide_radius, guide_height = plant.surface.guide_radius, plant.surface.guide_height
     phi = {
-        "contact_normal": (Rc**2 - from_centre @ from_centre) / (2 * Rc),
+        "contact_normal": normal_residual(plant.surface, p1[:2] - p2[:2], q[1, 2] + q[1, 3]),
         "contact_height": p1[2] - p2[2],
         "guide_radial": (p2[:2] @ p2[:2] - guide_radius**2) / (2 * guide_radius),
         "guide_height": p2[2] - guide_height,
     }
     return jnp.stack([phi[row] for row in ALL_ROWS])
+
+
+def normal_residual(surface: Surface, between: jax.Array, yaw: Scalar) -> jax.Array:
+    """phi [m] of the contact's normal row: the arc's as in model.md, else F/|grad F|.
+
+    Args:
+        surface: of the object.
+        between: tip I less tip II in the world (2,) [m].
+        yaw: direction of arm II in the world [rad].
+    """
+    if surface.shape is None:
+        Rc, from_centre = surface.contact_radius, between + surface.contact_radius * _turned(yaw)[:2]
+        return (Rc**2 - from_centre @ from_centre) / (2 * Rc)
+    value, gradient = jax.value_and_grad(partial(level, surface.shape))(between, yaw)
+    return value / jnp.linalg.norm(gradient)
+
+
+def level(shape: Shape, between: jax.Array, yaw: Scalar) -> jax.Array:
+    """F [m] of a surface whose frame is turned to ``yaw``, arguments as ``normal_residual``."""
+    e = _turned(yaw)[:2]
+    return shape.level(between @ e, between @ jnp.stack([-e[1], e[0]]))
 
 
 @jax.jit
