@@ -21,7 +21,7 @@ class SurfaceMotion(NamedTuple):
 
 
 def arms_apart(position: Pair[Position]) -> tuple[Scalar, Scalar]:
-    """Sine and cosine of arm I's direction less arm II's."""
+    """Sine and cosine, as scalars, of arm I's direction less arm II's."""
     one, two = position
     return sincos((one.z1 - two.z1) + (one.a1 - two.a1))
 
@@ -33,7 +33,7 @@ def to_arm1(turn: tuple[Scalar, Scalar], vector: Vector) -> Vector:
 
 
 def to_arm2(turn: tuple[Scalar, Scalar], vector: Vector) -> Vector:
-    """The inverse of ``to_arm1``."""
+    """A horizontal vector (2,) given along arm I's axes, along arm II's."""
     s, c = turn
     return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
 

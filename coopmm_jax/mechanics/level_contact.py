@@ -79,7 +79,7 @@ class LevelContact(NamedTuple):
 
 
 def level_contact(shape: Shape, position: Pair[Position], tips: Pair[Vector]) -> LevelContact:
-    """Place of tip I against a surface, arguments as ``arc_contact`` takes them."""
+    """Place of tip I against a surface; ``tips`` are (2,) [m], as ``arc_contact`` takes them."""
     turn, (tip1, tip2) = arms_apart(position), tips
     X = minus(to_arm2(turn, tip1), tip2)
     one = X[0] * 0.0 + 1.0

@@ -102,7 +102,7 @@ def surface_rates(plant: Plant, hardware: Hardware, t: Scalar, q: jax.Array) -> 
 
 
 def surface_acceleration(plant: Plant, hardware: Hardware, t: Scalar, q: jax.Array, u: jax.Array) -> jax.Array:
-    """What the surface's motion adds to d2phi/dt2 of the normal row [m/s^2]: phi_tt + 2 phi_tq qdot."""
+    """Share of the surface's motion in d2phi/dt2 of the normal row [m/s^2]: phi_tt + 2 phi_tq qdot."""
     q_dot = jnp.stack([lagrangian.chained_basis(q_i) @ u_i for q_i, u_i in zip(q, u.reshape(2, 5), strict=True)])
     _, mixed = jax.jvp(lambda q: surface_rates(plant, hardware, t, q)[0], (jnp.asarray(q),), (q_dot,))
     return surface_rates(plant, hardware, t, q)[1] + 2.0 * mixed
