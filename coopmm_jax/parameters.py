@@ -13,6 +13,7 @@ import math
 from typing import NamedTuple
 
 from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
+from coopmm_jax.kinds.disturbances import Disturbance
 
 
 class Geometry(NamedTuple):
@@ -79,16 +80,6 @@ class Gains(NamedTuple):
     delta_floor: Scalar = 0.0  # lower bound of delta_k(t) in (19)
 
 
-class Disturbance(NamedTuple):
-    """Torque amplitude * scale * sin(frequency t + phase) on every actuator [N m, rad/s, rad]."""
-
-    wheel: Scalar = 0.5
-    joint: Scalar = 0.1
-    scale: Scalar = 1.0
-    frequency: Scalar = 1.0
-    phase: Scalar = 0.0
-
-
 class Reference(NamedTuple):
     """Desired motion and force of section IV."""
 
@@ -145,7 +136,7 @@ class Parameters(NamedTuple):
     plant: Plant = Plant()
     nominal: Pair[Inertia] = (Inertia(), Inertia(m_obj=0.5))  # the controller's model
     gains: Gains = Gains()
-    disturbance: Disturbance = Disturbance()
+    disturbance: tuple[Disturbance, ...] = (Disturbance(),)
     reference: Reference = Reference()
     start: Pair[Pose] = PAPER_START
     hardware: Hardware = Hardware()

@@ -36,6 +36,7 @@ from coopmm_jax.plotting import style
 from coopmm_jax.runs import simulation
 from coopmm_jax.runs.store import write_run
 from coopmm_jax.scenario.gains_file import gains_text
+from coopmm_jax.scenario.places import names
 from coopmm_jax.scenario.scenario import Scenario, list_scenarios, load_scenario
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps import measure
@@ -46,7 +47,7 @@ from tuning.studies import state
 _SWEPT = "--out s.zarr --batch 8 --keep 8 --samples 24"
 LONGEST = 500  # characters of a message
 VARIED = {"disturbance.phase": {"distribution": "uniform", "low": 0.0, "high": 6.0}}
-_NAMES = [f"{section}.{field}" for section, table in Scenario() if section != "description" for field, _ in table]
+_NAMES = [name for name in names(Scenario()) if "." in name]
 _ODD: list[Any] = [
     0, -1, 1, 2, 3, 0.5, -0.0, 1e-300, 1e308, -1e308, 1e-310, 2**31, 2**63, 2**64, 10**400, float("inf"), float("nan"),
     True, False, "", "x", "none", "scenario", "full", "uniform", "<= 1", ">= nan", "paper", "\x1b[31m", "λ", "a b", "~",

@@ -14,8 +14,10 @@ import coopmm_jax
 from coopmm_jax import __version__, plotting
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.registry import known
 from coopmm_jax.metrics.table import METRICS, SHOWN
 from coopmm_jax.scenario import overrides
+from coopmm_jax.scenario.places import names
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from tests.stand_in import StandIn
 
@@ -45,15 +47,24 @@ def test_version_and_help(capsys):
         assert shown in capsys.readouterr().out
 
 
+IN_BRACKETS = ("tuning.bounds.", "tuning.weights.")  # help shows these tables in one line each
+
+
 def test_help_of_simulate_names_every_field_with_unit_and_default(capsys):
     with pytest.raises(SystemExit):
         main(["simulate", "--help"])
     lines = capsys.readouterr().out.splitlines()
     assert "  --plant.m-p                  mass of the platform [kg] (default 5)" in lines
     assert "  --reference.radius           radius z_d2 of the platform's circle [m] (default 2.4 1)" in lines
-    fields = [f"{section}.{field}" for section, value in Scenario() if section != "description" for field, _ in value]
+    shown = [place for place in names(Scenario()) if "." in place and not place.startswith(IN_BRACKETS)]
     options = [line.split()[0] for line in lines if line.startswith("  --") and "." in line.split()[0]]
-    assert options == [f"--{field.replace('_', '-')}" for field in fields]
+    assert set(options) >= {f"--{place.replace('_', '-')}" for place in shown}
+    assert (
+        "  --disturbance.force-x        amplitude of a force on the object, along the world's x [N] (default 0)"
+        in lines
+    )
+    for group, name in (("disturbance", "pulse"), ("disturbance", "noise")):
+        assert f"  {name}: {known(group)[name].made.__doc__}" in lines
 
 
 def test_simulate_prints_metrics(simulation, capsys):

@@ -8,12 +8,13 @@ import pytest
 
 from coopmm_jax.control.controller import ControllerState
 from coopmm_jax.control.reference import desired_motion
+from coopmm_jax.kinds.disturbances import Disturbance, Sine
 from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.state import State
-from coopmm_jax.mechanics.disturbance import disturbance_torque
+from coopmm_jax.mechanics.disturbance import disturbing
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.plant import DRIFT_RATE
-from coopmm_jax.parameters import ALL_ROWS, Disturbance, Parameters, Plant, Structure
+from coopmm_jax.parameters import ALL_ROWS, Parameters, Plant, Structure
 from tests.oracles import control_law, lagrangian
 from tests.samples import admissible, assert_close, poses, positions, random_inertia, random_pair
 
@@ -26,7 +27,7 @@ OTHER = PAPER._replace(
         (OTHER_GEOMETRY, ROBOT[0]._replace(mount_offset=-0.05)),
         (ROBOT[1]._replace(m_obj=0.2, I2=0.4), PAPER.plant.inertia[1]._replace(m_p=6.0, I_w=0.8)),
     ),
-    disturbance=Disturbance(scale=3.0, phase=0.5),
+    disturbance=(Disturbance(Sine(phase=0.5), scale=3.0),),
 )
 
 
@@ -134,8 +135,7 @@ def test_energy_balance(programs, parameters):
     energy, power = 0.0, 0.0
     for i in range(2):
         u = np.array(run.signals.velocity[i]).T
-        disturbing = np.array(disturbance_torque(parameters.disturbance, run.t))
-        torque = np.array(run.signals.torque[i]) - disturbing
+        torque = np.array(run.signals.torque[i]) - np.array(disturbing(parameters.disturbance, run.t).torque[i])
         own = partial(lagrangian.energy, plant.geometry[i], plant.inertia[i], plant.gravity)
         B = jax.vmap(partial(lagrangian.input_matrix, plant.geometry[i]))(q[:, i])
         energy = energy + np.asarray(jax.vmap(own)(q[:, i], u))

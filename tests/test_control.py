@@ -9,13 +9,14 @@ import pytest
 
 from coopmm_jax.control import adaptive, backstepping, force, reference
 from coopmm_jax.control.controller import ControllerState, motion_control
+from coopmm_jax.kinds.disturbances import Disturbance, Sine
 from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
-from coopmm_jax.mechanics.disturbance import disturbance_torque
+from coopmm_jax.mechanics.disturbance import disturbing
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.robot_kinematics import Position, chained_rates
-from coopmm_jax.parameters import ALL_ROWS, Disturbance, Gains, Parameters, Reference, Structure
+from coopmm_jax.parameters import ALL_ROWS, Gains, Parameters, Reference, Structure
 from tests.oracles import control_law, lagrangian
 from tests.samples import admissible, assert_close, joined, positions, random_inertia, random_pair, vector
 
@@ -37,6 +38,11 @@ def random_gains(rng, delta_floor=0.0):
     return Gains(**dict(zip(names, one, strict=True)), **many, **forces, delta_floor=delta_floor)
 
 
+def random_sine(rng):
+    wheel, joint, scale, *wave = rng.uniform(0.3, 2.0, 5).tolist()
+    return Disturbance(Sine(*wave), scale, wheel, joint)
+
+
 class Case:
     """The closed loop at one random state with J u = 0, with a wrong nominal model."""
 
@@ -47,7 +53,7 @@ class Case:
             plant=plant,
             nominal=(random_inertia(rng), random_inertia(rng)),
             gains=random_gains(rng, delta_floor),
-            disturbance=Disturbance(*rng.uniform(0.3, 2.0, 5).tolist()),
+            disturbance=(random_sine(rng),),
             reference=Reference(1.3, (2.4, 1.0), (1.5, 1.6), (0.5, 0.2), 0.8, 12.0),
         )
         self.terms, self.u = admissible(ALL_ROWS, plant, self.q, rng)
@@ -175,7 +181,7 @@ def test_filtered_error_dynamics(law):
     command = control_law.motion_control(law, parameters, T, case.q, case.u, case.controller)
     Mr, _ = lagrangian.reduced_terms(ALL_ROWS, case.terms)
     L, _ = lagrangian.velocity_basis(ALL_ROWS, case.terms)
-    D = L.T @ case.terms.B @ np.tile(vector(disturbance_torque(parameters.disturbance, T)), 2)
+    D = L.T @ case.terms.B @ joined(disturbing(parameters.disturbance, T).torque)
     expected = -np.array(parameters.gains.K_sigma) * vector(sigma) + np.linalg.solve(Mr, command.U2 - D)
     assert_close(vector(rate), expected, 1e-13)
 
@@ -270,8 +276,8 @@ def test_commanded_torque_gives_the_force_it_was_computed_from(case, law):
     """The constraint forces under B (tau - d), by the oracle, are those that entered tau as feedback."""
     rates, signals = closed_loop(law, case.model, T, case.state)
     torque = joined(signals.torque)
-    disturbing = np.tile(vector(disturbance_torque(case.parameters.disturbance, T)), 2)
-    u_dot, lam = lagrangian.multiplier_solution(case.terms, case.terms.B @ (torque - disturbing))
+    opposing = joined(disturbing(case.parameters.disturbance, T).torque)
+    u_dot, lam = lagrangian.multiplier_solution(case.terms, case.terms.B @ (torque - opposing))
     assert_close(vector(signals.constraint_force), lam, 5e-14)
     assert_close(vector(rates.velocity), u_dot[control_law.INDEPENDENT], 5e-14)
 
@@ -282,10 +288,3 @@ def test_commanded_torque_gives_the_force_it_was_computed_from(case, law):
     assert_close(case.terms.B @ torque, expected, 5e-14)
     assert_close(vector(signals.force_error), error, 5e-14)
     assert_close(vector(rates.controller.force_integral), error, 5e-14)
-
-
-def test_disturbance_torque():
-    disturbance = Disturbance(wheel=0.5, joint=0.1, scale=3.0, frequency=2.0, phase=0.4)
-    wave = 3.0 * np.sin(2.0 * T + 0.4)
-    expected = np.array([0.5, 0.5, 0.1, 0.1, 0.1]) * wave
-    assert_close(vector(disturbance_torque(disturbance, T)), expected, 1e-15)

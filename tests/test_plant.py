@@ -6,11 +6,12 @@ import jax
 import numpy as np
 import pytest
 
+from coopmm_jax.kinds.disturbances import Disturbance, Sine
 from coopmm_jax.mechanics import plant, robot_kinematics
 from coopmm_jax.mechanics.constraints import sliding_rows
 from coopmm_jax.mechanics.contact_surface import surface_motion
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.parameters import ALL_ROWS, Disturbance, Features, Hardware, Parameters, Structure
+from coopmm_jax.parameters import ALL_ROWS, Features, Hardware, Parameters, Structure
 from tests.oracles import hardware, lagrangian
 from tests.samples import (
     ROW_SETS,
@@ -47,7 +48,7 @@ class Case:
         pair, self.q = at_surface(SHAPES[shape], seed) if shape else random_pair(rng)
         if shape:
             self.q = on_rows(pair, self.q, surface_motion(REAL, NOW))
-        disturbance = Disturbance(scale=2.0, phase=0.3)
+        disturbance = (Disturbance(Sine(phase=0.3), scale=2.0),)
         self.parameters = Parameters(plant=pair, nominal=pair.inertia, disturbance=disturbance, hardware=REAL)
         self.structure = Structure(rows=rows, features=Features(friction=True, tip_friction=True, surface_motion=True))
         self.model = build_model(self.parameters)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.disturbances import Disturbance, Sine
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.status import Status
@@ -108,7 +109,7 @@ def test_new_numbers_compile_nothing(program):
     other = PAPER._replace(
         plant=PAPER.plant._replace(inertia=heavier, gravity=9.8),
         gains=GAINS._replace(K_sigma=(0.7, 0.6, 0.5, 0.4, 0.3, 0.2), K_lambda=(1.0,) * 4, delta_floor=0.1),
-        disturbance=PAPER.disturbance._replace(scale=2.0, phase=0.3),
+        disturbance=(Disturbance(Sine(phase=0.3), scale=2.0),),
     )
     assert program(PAPER, steps=1).health.status == Status.OK
     assert program(other, 2e-3, 50).health.status == Status.OK

@@ -15,7 +15,7 @@ from coopmm_jax.loop.integrate import rk4_hold
 from coopmm_jax.loop.rollout import as_scalars
 from coopmm_jax.loop.sampled_loop import sampled_step
 from coopmm_jax.loop.start import initial_state
-from coopmm_jax.mechanics.disturbance import disturbance_torque
+from coopmm_jax.mechanics.disturbance import disturbing
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import ALL_ROWS, Features, Hardware, Parameters, Structure
 from coopmm_jax.scenario.scenario import load_scenario
@@ -103,7 +103,7 @@ def oracle_rates(plant, disturbance, torque, t, state):
     """qdot (12,) and udot (10,) under constant actuator torques (10,), from the Lagrangian with multipliers."""
     q, u = state[:12].reshape(2, 6), state[12:]
     terms = lagrangian.coupled_terms(plant, ALL_ROWS, q, u)
-    opposing = np.ravel([disturbance_torque(disturbance, t)] * 2)
+    opposing = np.ravel(disturbing(disturbance, t).torque)
     u_dot, _ = lagrangian.multiplier_solution(terms, terms.B @ (torque - opposing))
     q_dot = [lagrangian.chained_basis(q_i) @ u_i for q_i, u_i in zip(q, u.reshape(2, 5), strict=True)]
     return np.concatenate([*map(np.ravel, q_dot), u_dot])

@@ -153,10 +153,10 @@ def test_a_failing_sample_changes_no_bit_of_its_neighbours(scenario):
     points = np.full((BATCH, len(variation.draws)), 0.3)
     points += np.linspace(0.0, 0.1, BATCH)[:, None]
     healthy = variation.batch(points, range(BATCH))
-    scale, x = healthy.disturbance.scale.copy(), healthy.start[0].x.copy()
+    scale, x = healthy.disturbance[0].scale.copy(), healthy.start[0].x.copy()
     scale[2], x[5] = 1e7, 9.0
     start = (healthy.start[0]._replace(x=x), healthy.start[1])
-    broken = healthy._replace(disturbance=healthy.disturbance._replace(scale=scale), start=start)
+    broken = healthy._replace(disturbance=(healthy.disturbance[0]._replace(scale=scale),), start=start)
     before, after = (measure.measure(variation.structure(), horizon, device, p) for p in (healthy, broken))
     assert before.status.tolist() == [Status.OK] * BATCH
     assert np.flatnonzero(after.status).tolist() == [2, 5]

@@ -178,7 +178,7 @@ def law(**changes):
         ({"sensing.force_delay": FACTOR}, "uncertainty.sensing.force_delay: must be a field whose values are real"),
         ({"loop.control_period": law(low=0.001, high=0.002, relative=None)}, "uncertainty.loop.control_period: must"),
         ({"plant.gravity.1": FACTOR}, "uncertainty.plant.gravity.1: must be plant.gravity, which has no list of two"),
-        ({"plant.m_p.3": FACTOR}, "uncertainty.plant.m_p.3: must be one of distribution, low"),
+        ({"plant.m_p.3": FACTOR}, "uncertainty.plant.m_p.3: must be a field of [plant.m_p], was unknown"),
         ({"plant.m_p": FACTOR, "plant.masses": FACTOR}, "uncertainty.plant.m_p: must be given once, was given twice"),
         ({"plant.masses": law(relative=None)}, "uncertainty.plant.masses.relative: must be true for masses, was false"),
         ({"initial.y": FACTOR}, "uncertainty.initial.y: must be a number that changes the simulation (a factor on 0"),

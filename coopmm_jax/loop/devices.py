@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.matrix import minus, plus, scaled
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.mechanics.model import Model
+from coopmm_jax.mechanics.randomness import stream_key
 from coopmm_jax.mechanics.robot import ACTUATORS, COORDINATES, JOINTS, ROBOTS, of_each_actuator
 from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import Hardware, Structure
@@ -97,8 +98,7 @@ def draw_noise(structure: Structure, model: Model, sample: Scalar) -> Noise:
     The key is folded from seed, stream and sample number, so a rollout's noise does not depend on the batch it is in.
     """
     hardware, n = model.hardware, JOINTS * ROBOTS - len(structure.rows)
-    upper, lower, stream = (jnp.asarray(x).astype(jnp.uint32) for x in (*hardware.noise_seed, hardware.noise_stream))
-    key = jax.random.fold_in(jax.random.key((upper << 16) | lower), stream)
+    key = stream_key(hardware)
     coordinates = COORDINATES * ROBOTS
     count = coordinates + n + len(structure.rows)
     values = jax.random.normal(jax.random.fold_in(key, sample), (count,), jnp.result_type(hardware.noise_stream))

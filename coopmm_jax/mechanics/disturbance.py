@@ -1,30 +1,85 @@
-"""Disturbance d of (1): torques on all actuators that nobody measures."""
+"""Disturbance d of (1): torques against the actuators and a force on the object, which nobody measures."""
 
 from __future__ import annotations
 
-import functools
+from typing import Any, NamedTuple
 
+from coopmm_jax.algebra.matrix import minus, plus, scaled
 from coopmm_jax.algebra.sincos import sincos
-from coopmm_jax.algebra.types import Scalar, Vector
-from coopmm_jax.mechanics.robot import of_each_actuator
-from coopmm_jax.parameters import Disturbance
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.kinds.disturbances import Disturbance
+from coopmm_jax.mechanics.constrained_kinematics import Kinematics
+from coopmm_jax.mechanics.robot import JOINTS, ROBOTS, of_each_actuator, per_robot
+from coopmm_jax.mechanics.robot_kinematics import actuator_force
 
 
-@functools.singledispatch
-def disturbance_torque(disturbance: Disturbance, t: Scalar) -> Vector:
-    """Torque on each of a robot's actuators (5,) at time t [s] [N m]; on the left of (1), so it opposes tau.
+class Disturbing(NamedTuple):
+    """All disturbances at one time."""
 
-    Another shape of disturbance is a NamedTuple of scalars of your own, in the place of ``Parameters.disturbance``, and
-    a function for it: ``@disturbance_torque.register``.
+    torque: Pair[Vector] | None  # against each robot's actuators (5,) [N m]; None: none
+    force: Vector | None  # on the object, along the world's x, y and z (3,) [N]; None: none
 
-    >>> from typing import NamedTuple
-    >>> class Push(NamedTuple):
-    ...     force: Scalar = 2.0
-    >>> @disturbance_torque.register
-    ... def _(push: Push, t: Scalar) -> Vector:
-    ...     return (push.force, push.force, 0.0, 0.0, 0.0)
-    >>> disturbance_torque(Push(), 0.0)
-    (2.0, 2.0, 0.0, 0.0, 0.0)
+
+def disturbing(disturbances: tuple[Disturbance, ...], t: Scalar) -> Disturbing:
+    """All disturbances at time t [s], scalars.
+
+    >>> disturbing((Disturbance(scale=0.0),), 0.0).force is None
+    True
     """
-    wave = disturbance.scale * sincos(disturbance.frequency * t + disturbance.phase)[0]
-    return of_each_actuator(disturbance.wheel * wave, disturbance.joint * wave)
+    torques, forces = [], []
+    for each in disturbances:
+        strength = each.scale * each.wave.value(t)
+        if any(amplitude is not None for amplitude in _amplitudes(each)):
+            torques.append(_torques(each, strength))
+        if each.force is not None:
+            forces.append(scaled(strength, each.force))
+    torque = per_robot(lambda of_one: plus(*of_one), tuple(zip(*torques))) if torques else None
+    return Disturbing(torque, plus(*forces) if forces else None)
+
+
+def _amplitudes(disturbance: Disturbance) -> tuple[Any, ...]:
+    """Amplitudes of a disturbance's torques: of wheels, joints, then those that single actuators have instead."""
+    own = (disturbance.right_wheel, disturbance.left_wheel, disturbance.joint_1, disturbance.joint_2)
+    return (disturbance.wheel, disturbance.joint, *own, disturbance.joint_3)
+
+
+def _torques(disturbance: Disturbance, strength: Scalar) -> Pair[Vector]:
+    """Torques against each robot's actuators (5,) [N m]."""
+    amplitudes = _amplitudes(disturbance)
+
+    def of_robot(robot: int) -> Vector:
+        wheel, joint, *own = (_times(strength, a[robot] if isinstance(a, tuple) else a) for a in amplitudes)
+        common = of_each_actuator(0 if wheel is None else wheel, 0 if joint is None else joint)
+        return tuple(x if single is None else single for x, single in zip(common, own, strict=True))
+
+    if any(isinstance(amplitude, tuple) for amplitude in amplitudes):
+        return of_robot(0), of_robot(1)
+    both = of_robot(0)
+    return both, both
+
+
+def _times(strength: Scalar, amplitude: Scalar | None) -> Scalar | None:
+    return None if amplitude is None else amplitude * strength
+
+
+def force_on_joints(force: Vector, k: Kinematics) -> Vector:
+    """A force on the object (3,) along the world's axes [N], at tip II, on robot II's joints (5,): J_tip^T f in u."""
+    position, (along, across, up) = k.bodies.position[1], k.bodies.tip[1]
+    s, c = sincos(position.z1 + position.a1)
+    x, y, z = force
+    on_arm = plus(scaled(c * y - s * x, along), scaled(-c * x - s * y, across), scaled(z, up))
+    return k.bodies.T[1].T @ on_arm
+
+
+def disturbance_force(disturbances: tuple[Disturbance, ...], t: Scalar, geometry: Any, k: Kinematics) -> Pair[Vector]:
+    """d of (1) in u, on each robot (5,), at t [s]: on the left of (1), so that it opposes what actuators exert.
+
+    Args:
+        disturbances: of the model.
+        t: time [s].
+        geometry: of both robots.
+        k: kinematics of the plant.
+    """
+    now, none = disturbing(disturbances, t), ((0,) * JOINTS,) * ROBOTS
+    first, second = none if now.torque is None else per_robot(actuator_force, geometry, k.bodies.position, now.torque)
+    return first, second if now.force is None else minus(second, force_on_joints(now.force, k))

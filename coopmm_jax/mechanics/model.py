@@ -6,10 +6,12 @@ from typing import NamedTuple
 
 from coopmm_jax.algebra.sincos import wrapped
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.kinds.disturbances import Disturbance
+from coopmm_jax.mechanics.randomness import drawn_before
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_dynamics import Lumped, lump
 from coopmm_jax.mechanics.robot_kinematics import arm_angles
-from coopmm_jax.parameters import Disturbance, Gains, Geometry, Hardware, Parameters, Pose, Reference, Surface
+from coopmm_jax.parameters import Gains, Geometry, Hardware, Parameters, Pose, Reference, Surface
 
 
 class Model(NamedTuple):
@@ -21,7 +23,7 @@ class Model(NamedTuple):
     plant: Pair[Lumped]
     nominal: Pair[Lumped]  # the controller's
     gains: Gains
-    disturbance: Disturbance
+    disturbance: tuple[Disturbance, ...]
     reference: Reference
     posture: Pair[Vector]  # desired (a2, a3) of each robot where they are independent [rad]
     hardware: Hardware
@@ -42,10 +44,18 @@ def build_model(parameters: Parameters) -> Model:
         plant=per_robot(lump, plant.geometry, plant.inertia),
         nominal=per_robot(lump, plant.geometry, parameters.nominal),
         gains=parameters.gains,
-        disturbance=parameters.disturbance,
+        disturbance=_prepared(parameters),
         reference=parameters.reference,
         posture=nominal_posture(parameters),
         hardware=parameters.hardware,
+    )
+
+
+def _prepared(parameters: Parameters) -> tuple[Disturbance, ...]:
+    """Disturbances with what their kinds make once before a rollout, such as the phases of a noise."""
+    return tuple(
+        each._replace(wave=each.wave.prepared(uniform)) if hasattr(each.wave, "prepared") else each
+        for each, uniform in zip(parameters.disturbance, drawn_before(parameters.hardware))
     )
 
 

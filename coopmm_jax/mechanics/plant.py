@@ -7,7 +7,7 @@ from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.mechanics.constrained_dynamics import Accelerations, constrained_accelerations
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics, kinematics
 from coopmm_jax.mechanics.contact_surface import surface_motion
-from coopmm_jax.mechanics.disturbance import disturbance_torque
+from coopmm_jax.mechanics.disturbance import disturbing, force_on_joints
 from coopmm_jax.mechanics.friction import friction_torque, tip_friction
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import dependent_solution
@@ -37,15 +37,18 @@ def plant_kinematics(
 
 def respond(structure: Structure, model: Model, t: Scalar, k: Kinematics, force: Pair[Vector]) -> Accelerations:
     """Accelerations and multipliers under a generalised actuator force B tau of each robot (5,), at t [s]."""
-    opposing = disturbance_torque(model.disturbance, t)
+    opposing = disturbing(model.disturbance, t)
 
-    def driving(exerted: Vector, geometry: Geometry, position: Position, u: Vector) -> Vector:
-        losses = opposing
+    def driving(exerted: Vector, geometry: Geometry, position: Position, u: Vector, losses: Vector | None) -> Vector:
         if structure.features.friction:
-            losses = plus(opposing, friction_torque(model.hardware, actuator_rates(geometry, position, u)))
-        return minus(exerted, actuator_force(geometry, position, losses))
+            rubbing = friction_torque(model.hardware, actuator_rates(geometry, position, u))
+            losses = rubbing if losses is None else plus(losses, rubbing)
+        return exerted if losses is None else minus(exerted, actuator_force(geometry, position, losses))
 
-    left = per_robot(driving, force, model.geometry, k.bodies.position, k.velocity)
+    torques = opposing.torque or (None, None)
+    left = per_robot(driving, force, model.geometry, k.bodies.position, k.velocity, torques)
+    if opposing.force is not None:
+        left = left[0], plus(left[1], force_on_joints(opposing.force, k))
     friction = tip_friction(model, k) if structure.features.tip_friction else None
     return constrained_accelerations(model, k, left, friction)
 

@@ -22,11 +22,10 @@ from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.constrained_dynamics import both_dynamics, reduced_inertia, required_force
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
-from coopmm_jax.mechanics.disturbance import disturbance_torque
+from coopmm_jax.mechanics.disturbance import disturbance_force
 from coopmm_jax.mechanics.model import Model, build_model
-from coopmm_jax.mechanics.robot import PLATFORM, per_robot
+from coopmm_jax.mechanics.robot import PLATFORM
 from coopmm_jax.mechanics.robot_dynamics import Lumped
-from coopmm_jax.mechanics.robot_kinematics import actuator_force
 from coopmm_jax.parameters import Gains, Parameters, Structure
 
 # States evaluated together: few enough to stay below 0.3 GB, many enough that the cost of a call does not count.
@@ -109,8 +108,7 @@ def _evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> Pr
     first, second = partitioning.split(part, sigma)
     platform_error = first[:PLATFORM] + second[:PLATFORM]  # sigma has no integral there
     signal, decay = _platform_terms(model, t, state)
-    torque = disturbance_torque(model.disturbance, t)
-    disturbing = per_robot(lambda g, p: actuator_force(g, p, torque), model.geometry, state.position)
+    disturbing = disturbance_force(model.disturbance, t, model.geometry, k)
     like = partial(_stacked, t)
     return ProofTerms(
         plant=_reduced(structure, model, model.plant, state),

@@ -15,7 +15,6 @@ from pydantic import model_validator
 from coopmm_jax.errors import UserError
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import (
-    Disturbance,
     Geometry,
     Inertia,
     Parameters,
@@ -33,8 +32,9 @@ from coopmm_jax.scenario.sections.controller import (
     ReferenceSection,
     full_gains,
 )
+from coopmm_jax.scenario.sections.disturbance import Disturbances, paper_disturbance
 from coopmm_jax.scenario.sections.hardware import HardwareSections
-from coopmm_jax.scenario.sections.plant import CouplingSection, DisturbanceSection, InitialSection, PlantSection
+from coopmm_jax.scenario.sections.plant import CouplingSection, InitialSection, PlantSection
 from coopmm_jax.scenario.sections.requirements import RequirementsSection
 from coopmm_jax.scenario.sections.simulation import SimulationSection
 from coopmm_jax.scenario.sections.tuning import TuningSection
@@ -52,7 +52,7 @@ class BaseScenario(HardwareSections):
     nominal: NominalSection = NominalSection()
     law: LawSection = LawSection()
     gains: GainsSection = GainsSection()
-    disturbance: DisturbanceSection = DisturbanceSection()
+    disturbance: Disturbances = paper_disturbance()
     reference: ReferenceSection = ReferenceSection()
     initial: InitialSection = InitialSection()
     uncertainty: UncertaintySection = UncertaintySection()
@@ -107,7 +107,7 @@ class BaseScenario(HardwareSections):
             plant=self._plant(),
             nominal=self._nominal(),
             gains=full_gains(dict(self), len(self.coupling.rows)),
-            disturbance=Disturbance(**dict(self.disturbance)),
+            disturbance=tuple(entry.disturbance() for entry in self.disturbance),
             reference=self._reference(),
             start=_per_robot(Pose, dict(self.initial)),
             hardware=self.hardware(self.simulation.seed, self.simulation.stream),

@@ -17,7 +17,8 @@ from typing import Any
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
 
-KIND = "distribution"  # the key that says what kind of thing a table describes
+DISTRIBUTION = "distribution"  # the key of a table that says how a number varies
+KIND = "kind"  # the key that says what kind of thing a table describes
 BY_ROBOT = frozenset(("1", "2"))  # the keys of a table with an entry for each robot
 _DEEPEST = 20
 # What TOML does not take for a number and everyone else does.
@@ -42,34 +43,91 @@ def read_toml(path: str | Path, field: str) -> dict[str, Any]:
         raise UserError(field, "a TOML file", f"{path} (nested too deeply)") from None
 
 
-def merged(base: Mapping[str, Any], changes: Mapping[str, Any], depth: int = 0) -> dict[str, Any]:
+def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Tables of ``base`` with ``changes`` laid over them: tables are merged, everything else replaced.
 
-    A table that says what kind of thing it describes replaces the one before, as numbers for one robot each replace
-    those for both. A key of ``changes`` with dots stands for nested tables. numpy's scalars and arrays become numbers
-    and lists.
+    A table that says what kind of thing it describes replaces one of another kind, as numbers for one robot each
+    replace those for both. A key of ``changes`` with dots stands for nested tables. Over a list of tables, a table's
+    keys are names or numbers of its entries, or fields of the first one. numpy's scalars and arrays become numbers and
+    lists.
 
     Raises:
         UserError: tables in tables in tables, deeper than any scenario has them.
+
+    >>> merged({"disturbance": [{"name": "gust", "scale": 1.0}]}, {"disturbance.gust.scale": 2.0})
+    {'disturbance': [{'name': 'gust', 'scale': 2.0}]}
     """
+    return _laid(base, _nested(changes))
+
+
+def _nested(changes: Mapping[str, Any], depth: int = 0) -> dict[str, Any]:
+    """Changes without dots in their keys; of two that set the same the later one counts."""
     if depth > _DEEPEST:
         raise UserError(next(iter(changes), "input"), f"at most {_DEEPEST} tables deep", "deeper")
-    result = dict(base)
+    result: dict[str, Any] = {}
     for dotted, value in changes.items():
         key, _, rest = str(dotted).partition(".")
         value = {rest: value} if rest else value
         if isinstance(value, Mapping):
-            before = result.get(key)
-            inner = {} if not isinstance(before, Mapping) or _replaces(value, before) else before
-            result[key] = merged(inner, value, depth + 1)
+            before, inner = result.get(key), _nested(value, depth + 1)
+            result[key] = _combined(before, inner) if isinstance(before, dict) else inner
         else:
             result[key] = value.tolist() if hasattr(value, "tolist") else value
     return result
 
 
+def _combined(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
+    both = dict(first)
+    for key, value in second.items():
+        before = both.get(key)
+        both[key] = value
+        if isinstance(before, Mapping) and isinstance(value, Mapping):
+            both[key] = _combined(before, value)
+    return both
+
+
+def _laid(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    result = dict(base)
+    for key, value in changes.items():
+        before = result.get(key)
+        if not isinstance(value, Mapping):
+            result[key] = value
+        elif isinstance(before, list | tuple) and before and all(isinstance(entry, Mapping) for entry in before):
+            result[key] = _laid_over_entries(before, value)
+        else:
+            inner = {} if not isinstance(before, Mapping) or _replaces(value, before) else before
+            result[key] = _laid(inner, value)
+    return result
+
+
+def _laid_over_entries(entries: Sequence[Mapping[str, Any]], changes: Mapping[str, Any]) -> list[Any]:
+    by_place: dict[int, dict[str, Any]] = {}
+    for key, value in changes.items():
+        place = entry_of([entry.get("name") for entry in entries], key) if isinstance(value, Mapping) else None
+        change = {key: value} if place is None else dict(value)
+        by_place[place or 0] = by_place.get(place or 0, {}) | change
+    return [
+        _laid({} if _replaces(by_place.get(i, {}), entry) else entry, by_place.get(i, {}))
+        for i, entry in enumerate(entries)
+    ]
+
+
+def entry_of(names: Sequence[Any], key: str) -> int | None:
+    """Place of an entry in a list of tables, from its name or its number, counted from 1; None for neither.
+
+    >>> entry_of(["gust", None], "gust"), entry_of(["gust", None], "2"), entry_of(["gust", None], "scale")
+    (0, 1, None)
+    """
+    if key in names:
+        return list(names).index(key)
+    return int(key) - 1 if key.isdecimal() and len(key) < 9 and 1 <= int(key) <= len(names) else None
+
+
 def _replaces(new: Mapping[str, Any], old: Mapping[str, Any]) -> bool:
     """True if nothing of an old table may survive in a new one."""
-    return KIND in new or (KIND in old and new.keys() <= BY_ROBOT and bool(new))
+    if DISTRIBUTION in new or (DISTRIBUTION in old and new.keys() <= BY_ROBOT and bool(new)):
+        return True
+    return KIND in new and new[KIND] != old.get(KIND)
 
 
 def split(

@@ -51,7 +51,8 @@ def validate(model: type[Model], data: Mapping[str, Any]) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         first, *others = (_user_error(model, details) for details in error.errors(include_url=False))
-    more = dict.fromkeys(other.field for other in others if other.field != first.field)
+    named = (*first.more, *(other.field for other in others))
+    more = dict.fromkeys(name for name in named if name != first.field)
     raise UserError(first.field, first.must, first.was, list(more))
 
 
@@ -72,7 +73,8 @@ def _user_error(model: type[BaseModel], details: Mapping[str, Any]) -> UserError
     kind, was, context = details["type"], details["input"], details.get("ctx", {})
     if isinstance(context.get("error"), UserError):
         own = context["error"]
-        return UserError(".".join(name for name in (field, own.field) if name), own.must, own.was)
+        prefixed = [".".join(filter(None, (field, name))) for name in (own.field, *own.more)]
+        return UserError(prefixed[0], own.must, own.was, prefixed[1:])
     if kind == "extra_forbidden":
         return UserError(field, _known(model, path), "unknown")
     numbers = {name: f"{x:.10g}" if isinstance(x, int | float) else x for name, x in context.items()}
@@ -102,5 +104,6 @@ def _known(model: type[BaseModel], path: list[str | int]) -> str:
     fields = model.model_fields
     for section in sections:
         fields = getattr(fields[section].annotation, "model_fields", {})
-    place = f"a field of [{'.'.join(sections)}]" if sections else "a section of the scenario"
+    label = getattr(model, "label", "a section of the scenario")
+    place = f"a field of [{'.'.join(sections)}]" if sections else label
     return place + closest(key, fields)

@@ -24,7 +24,10 @@ from pydantic import BaseModel
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Inertia, Parameters, Structure
+from coopmm_jax.scenario import places
 from coopmm_jax.scenario.base import BaseScenario
+from coopmm_jax.scenario.kind_sections import KindSection, is_pair
+from coopmm_jax.scenario.overrides import BY_ROBOT
 from coopmm_jax.scenario.sections.uncertainty import Distribution, Entry
 from coopmm_jax.scenario.validation import closest, validate
 
@@ -39,8 +42,7 @@ _INSIDE = 0.6180339887498949  # a point of no symmetry
 class Number(NamedTuple):
     """One number of a scenario that varies."""
 
-    section: str
-    field: str
+    place: str  # dotted name of its field
     robot: int | None  # 0 or 1; None: a number without robots, or the same for both
     base: float  # the scenario's value
     unit: str
@@ -51,7 +53,7 @@ class Number(NamedTuple):
     @property
     def name(self) -> str:
         """Dotted name, as the user writes it."""
-        return f"{self.section}.{self.field}" + ("" if self.robot is None else f".{self.robot + 1}")
+        return self.place + ("" if self.robot is None else f".{self.robot + 1}")
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ class Variation(Generic[Varied]):
 
     def structure(self) -> Structure:
         """Static choices of the scenario, with every effect in force whose numbers vary."""
-        return self.scenario.structure({f"{number.section}.{number.field}" for number in self.numbers})
+        return self.scenario.structure({number.place for number in self.numbers})
 
     def batch(self, points: np.ndarray, indices: Sequence[int]) -> Parameters:
         """Parameters of the samples ``indices`` (B,) at ``points`` (B, D): every leaf of shape (B,), for ``jax.vmap``.
@@ -115,24 +117,16 @@ class Variation(Generic[Varied]):
         """Dotted fields to their new values: numbers of single robots as pairs."""
         changes: dict[str, Any] = {}
         for number in self.numbers:
-            field = f"{number.section}.{number.field}"
             if number.robot is None:
-                changes[field] = values[number.name]
+                changes[number.place] = values[number.name]
             else:
-                pair = changes.setdefault(field, list(_pair(_current(self.scenario, number.section, number.field))))
+                pair = changes.setdefault(number.place, list(_pair(_current(self.scenario, number.place)[1])))
                 pair[number.robot] = values[number.name]
         return changes
 
     def _with(self, values: dict[str, Any]) -> Varied:
         """Scenario with unchecked values, arrays among them."""
-        changes: dict[str, dict[str, Any]] = {}
-        for name, value in self._tables(values).items():
-            section, field = name.split(".")
-            changes.setdefault(section, {})[field] = tuple(value) if isinstance(value, list) else value
-        sections = {
-            section: getattr(self.scenario, section).model_copy(update=fields) for section, fields in changes.items()
-        }
-        return self.scenario.model_copy(update=sections)
+        return places.replaced(self.scenario, self._tables(values))
 
 
 def vary(scenario: Varied) -> Variation[Varied]:
@@ -145,7 +139,7 @@ def vary(scenario: Varied) -> Variation[Varied]:
     numbers = tuple(number for entry in scenario.uncertainty.entries() for number in _numbers(scenario, entry))
     seen: set[str] = set()
     for number in numbers:
-        both = {number.name, f"{number.section}.{number.field}"} | (
+        both = {number.name, number.place} | (
             {f"{number.name}.1", f"{number.name}.2"} if number.robot is None else set()
         )
         if seen & both:
@@ -167,7 +161,7 @@ def _check_end(variation: Variation, end: float) -> None:
         try:
             alone.sample(0, values)
         except UserError as error:
-            own = error.field == f"{number.section}.{number.field}"
+            own = error.field == number.place
             must = error.must if own else f"such that {error.field} is {error.must}"
             raise UserError(f"uncertainty.{number.name}", must, error.was) from None
         if alone.parameters(np.array([_INSIDE])) == nominal:
@@ -177,54 +171,61 @@ def _check_end(variation: Variation, end: float) -> None:
 
 def _numbers(scenario: BaseScenario, entry: Entry) -> list[Number]:
     """Numbers that one entry stands for."""
-    if (entry.section, entry.field) == ("plant", MASSES):
+    if entry.place == f"plant.{MASSES}":
         if not entry.distribution.relative:
             raise UserError(f"uncertainty.{entry.name}.relative", f"true for {MASSES}", "false")
         fields = [name for name in Inertia._fields if name != "m_obj" or entry.robot != 0]
-        return [number for field in fields for number in _of_field(scenario, entry, field)]
-    return _of_field(scenario, entry, entry.field)
+        return [number for field in fields for number in _of_field(scenario, entry, f"plant.{field}")]
+    return _of_field(scenario, entry, entry.place)
 
 
-def _of_field(scenario: BaseScenario, entry: Entry, field: str) -> list[Number]:
-    section = entry.section
-    value = _current(scenario, section, field)
-    kind, law = type(getattr(scenario, section)), entry.distribution
+def _of_field(scenario: BaseScenario, entry: Entry, place: str) -> list[Number]:
+    owner, value = _current(scenario, place)
+    kind, field, law = type(owner), place.rpartition(".")[2], entry.distribution
     pair = _is_pair(kind, field, value)
     if entry.robot is not None and not pair and field != "m_obj":
-        raise UserError(f"uncertainty.{entry.name}", f"{section}.{field}, which has no list of two", entry.name)
+        raise UserError(f"uncertainty.{entry.name}", f"{place}, which has no list of two", entry.name)
     alike = not isinstance(value, tuple) and not law.each and entry.robot is None
     robots = [entry.robot] if entry.robot is not None else [0, 1]
     chosen = [None] if alike or not pair else robots
     numbers = []
     for robot in chosen:
         base: Any = value if robot is None else _pair(value)[robot]
-        about = Number(section, field, robot, base, *_described(kind, field), law, draw="")
+        about = Number(place, robot, base, *_described(kind, field), law, draw="")
         numbers.append(about._replace(draw=about.name if law.each else law.group or entry.name))
     return numbers
 
 
-def _current(scenario: BaseScenario, section: str, field: str) -> Any:
-    """Value of a field: a number or a pair; of the controller's model too, where the plant gives it."""
+def _current(scenario: BaseScenario, place: str) -> tuple[BaseModel, Any]:
+    """Section of a field, and its value, a number or a pair; of the controller's model the plant's if it has none."""
     allowed = [name for name in type(scenario).model_fields if name not in (*_EXCLUDED, "description")]
+    section, *path = place.split(".")
     if section not in allowed:
         raise UserError(f"uncertainty.{section}", f"one of {', '.join(allowed)}{closest(section, allowed)}", section)
-    table = getattr(scenario, section)
-    fields = type(table).model_fields
-    if field not in fields:
-        raise UserError(f"uncertainty.{section}.{field}", f"a field of [{section}]{closest(field, fields)}", "unknown")
-    value = getattr(table, field)
+    owner, field, value = places.find(scenario, (section, *path), f"uncertainty.{place}")
     if value is None and section == "nominal":
         plant = getattr(scenario.plant, field)
         scale = scenario.nominal.scale
-        return tuple(scale * x for x in plant) if isinstance(plant, tuple) else scale * plant
+        return owner, tuple(scale * x for x in plant) if isinstance(plant, tuple) else scale * plant
     entries = value if isinstance(value, tuple) else (value,)
     if not all(isinstance(x, float) for x in entries):
-        raise UserError(f"uncertainty.{section}.{field}", "a field whose values are real numbers", value)
-    return value
+        raise UserError(f"uncertainty.{place}", "a field whose values are real numbers", _told(value))
+    if isinstance(value, tuple) and len(value) != len(BY_ROBOT):
+        raise UserError(f"uncertainty.{place}", "a number, or one for each robot", value)
+    if isinstance(owner, KindSection) and owner.fixed(field):
+        raise UserError(f"uncertainty.{place}", "a number that a rollout reads, not one that is read at load", place)
+    return owner, value
+
+
+def _told(value: Any) -> Any:
+    """Value for a message: the name of a section's kind in its place."""
+    return f"[{value.kind}]" if isinstance(value, KindSection) else value
 
 
 def _is_pair(kind: type[BaseModel], field: str, value: Any) -> bool:
     """True if a field takes one number for each robot."""
+    if issubclass(kind, KindSection) and field in kind.about().fields:
+        return is_pair(kind.about().fields[field].type)
     try:
         validate(kind, {field: _pair(value)})
     except UserError:

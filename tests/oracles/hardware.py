@@ -17,8 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax.algebra.types import Scalar
+from coopmm_jax.kinds.disturbances import Disturbance
 from coopmm_jax.mechanics.surfaces import Shape
-from coopmm_jax.parameters import Disturbance, Hardware, Parameters, Plant
+from coopmm_jax.parameters import Hardware, Parameters, Plant
 from tests.oracles import lagrangian
 
 
@@ -38,8 +39,8 @@ def friction_torque(hardware: Hardware, rates: jax.Array) -> jax.Array:
 
 
 def disturbance_torque(disturbance: Disturbance, t: Scalar) -> jax.Array:
-    """Torque that opposes the actuators (5,) [N m]."""
-    wave = disturbance.scale * jnp.sin(disturbance.frequency * t + disturbance.phase)
+    """Torque of a sine that opposes the actuators (5,) [N m]."""
+    wave = disturbance.scale * jnp.sin(disturbance.wave.frequency * t + disturbance.wave.phase)
     return wave * _per_actuator(disturbance.wheel, disturbance.joint)
 
 
@@ -116,7 +117,7 @@ def driving_force(
     force = []
     for geometry, q_i, u_i, torque_i in zip(plant.geometry, q, u.reshape(2, 5), torque, strict=True):
         B = lagrangian.input_matrix(geometry, q_i)
-        losses = disturbance_torque(parameters.disturbance, t) + friction_torque(hardware, B.T @ u_i)
+        losses = disturbance_torque(parameters.disturbance[0], t) + friction_torque(hardware, B.T @ u_i)
         force.append(B @ (torque_i - losses))
     return jnp.concatenate(force) + tip_friction(plant, hardware, q, u, normal)
 

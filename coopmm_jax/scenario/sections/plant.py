@@ -1,4 +1,4 @@
-"""The sections on the robots: their bodies, what couples and disturbs them, where they start.
+"""The sections on the robots: their bodies, what couples them, where they start.
 
 A field's name is its symbol in ``parameters.py``, which also holds the defaults (section IV of the paper).
 
@@ -17,7 +17,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, Positive, Section, quantity
 
 _geometry, _inertia, _surface = parameters.Geometry(), parameters.Inertia(), parameters.Surface()
-_plant, _disturbance, _rows = parameters.Plant(), parameters.Disturbance(), parameters.Structure().rows
+_plant, _rows = parameters.Plant(), parameters.Structure().rows
 _start = dict(zip(parameters.Pose._fields, zip(*parameters.PAPER_START)))  # coordinate -> one for each robot
 
 
@@ -63,16 +63,6 @@ class CouplingSection(Section):
         if not isinstance(given, list | tuple) or list(given) not in sets:
             raise UserError("", "one of " + ", ".join(str(rows) for rows in sets).replace("'", '"'), rows)
         return given
-
-
-class DisturbanceSection(Section):
-    """[disturbance]: torque amplitude * scale * sin(frequency t + phase) against every actuator."""
-
-    wheel: Finite = quantity(_disturbance.wheel, "amplitude on each wheel [N m]")
-    joint: Finite = quantity(_disturbance.joint, "amplitude on each arm joint [N m]")
-    scale: Finite = quantity(_disturbance.scale, "factor on all amplitudes [-]")
-    frequency: Finite = quantity(_disturbance.frequency, "angular frequency [rad/s]")
-    phase: Finite = quantity(_disturbance.phase, "phase at t = 0 [rad]")
 
 
 class InitialSection(Section):

@@ -6,21 +6,21 @@
     plant.m_obj = { distribution = "none" }  # whatever the base scenario says of it
 
 >>> mass = {"distribution": "normal", "mean": 5, "std": 0.1}
->>> UncertaintySection.model_validate({"plant": {"m_p": mass}}).entries()[0].field
-'m_p'
+>>> UncertaintySection.model_validate({"plant": {"m_p": mass}}).entries()[0].place
+'plant.m_p'
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.fields import Finite, Flag, Positive, Section
-from coopmm_jax.scenario.overrides import BY_ROBOT, KIND, merged
+from coopmm_jax.scenario.overrides import BY_ROBOT, DISTRIBUTION, merged
 from coopmm_jax.scenario.validation import closest, validate
 
 _SHAPES = {  # distribution -> the numbers that describe it
@@ -75,62 +75,66 @@ class Distribution(Section):
 class Entry(NamedTuple):
     """One line of the section."""
 
-    section: str
-    field: str
+    place: str  # dotted name of a field
     robot: int | None  # 0 or 1; None: not one robot's alone
     distribution: Distribution
 
     @property
     def name(self) -> str:
         """As the user writes it."""
-        return f"{self.section}.{self.field}" + ("" if self.robot is None else f".{self.robot + 1}")
+        return self.place + ("" if self.robot is None else f".{self.robot + 1}")
 
 
 class UncertaintySection(Section, extra="allow"):
     """[uncertainty]: section.field = { distribution = ..., ... }; section.field.1 and .2 are one robot's."""
 
-    # pydantic checks the fields that are allowed against this type
-    __pydantic_extra__: dict[  # pyright: ignore[reportIncompatibleVariableOverride]
-        str, dict[str, Distribution | dict[str, Distribution]]
-    ] = Field(init=False)
+    # tables in tables, with a Distribution at the end of each path
+    __pydantic_extra__: dict[str, dict[str, Any]] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @model_validator(mode="before")
     @classmethod
     def _tables(cls, data: Any) -> Any:
         if not isinstance(data, Mapping):
             raise UserError("", "a table of section.field = {...}", data)
-        tables = {section: _fields(section, fields) for section, fields in merged({}, data).items()}
-        return {section: fields for section, fields in tables.items() if fields}
+        return _fields((), merged({}, data))
 
     def entries(self) -> tuple[Entry, ...]:
         """The lines in the order of the file."""
-        found = []
-        for section, fields in self.__pydantic_extra__.items():
-            for field, given in fields.items():
-                if isinstance(given, Distribution):
-                    found.append(Entry(section, field, None, given))
-                else:
-                    found += [Entry(section, field, int(robot) - 1, each) for robot, each in given.items()]
-        return tuple(found)
+        return tuple(_entries((), self.__pydantic_extra__))
 
 
-def _fields(section: str, fields: Any) -> dict[str, Any]:
-    if not isinstance(fields, Mapping):
-        raise UserError(section, "a table of field = {...}", fields)
-    result = {}
-    for field, given in fields.items():
-        name = f"{section}.{field}"
-        if isinstance(given, Mapping) and given and given.keys() <= BY_ROBOT:
-            kept = {robot: table for robot, table in given.items() if not _dropped(table)}
-            result[field] = {robot: _distribution(f"{name}.{robot}", table) for robot, table in kept.items()}
+def _entries(path: tuple[str, ...], table: Mapping[str, Any]) -> Iterator[Entry]:
+    for name, given in table.items():
+        if not isinstance(given, Distribution):
+            yield from _entries((*path, name), given)
+        elif name in BY_ROBOT and len(path) > 1:
+            yield Entry(".".join(path), int(name) - 1, given)
+        else:
+            yield Entry(".".join((*path, name)), None, given)
+
+
+def _fields(path: tuple[str, ...], table: Any) -> dict[str, Any]:
+    """Tables in tables with a distribution at the end of each path, without those that are dropped or empty."""
+    if not isinstance(table, Mapping):
+        raise UserError(".".join(path), "a table of field = {...}", table)
+    result: dict[str, Any] = {}
+    for name, given in table.items():
+        place = (*path, name)
+        if not path or _is_table_of_tables(given):
+            result[name] = _fields(place, given)
         elif not _dropped(given):
-            result[field] = _distribution(name, given)
-    return {field: given for field, given in result.items() if given}
+            result[name] = _distribution(".".join(place), given)
+    return {name: given for name, given in result.items() if given}
+
+
+def _is_table_of_tables(given: Any) -> bool:
+    tables = isinstance(given, Mapping) and bool(given)
+    return tables and all(isinstance(value, Mapping | Distribution) for value in given.values())
 
 
 def _dropped(table: Any) -> bool:
     """True if an entry says that the number does not vary, whatever a base scenario has for it."""
-    return isinstance(table, Mapping) and table.get(KIND) == "none"
+    return isinstance(table, Mapping) and table.get(DISTRIBUTION) == "none"
 
 
 def _distribution(name: str, table: Any) -> Distribution:
@@ -142,8 +146,8 @@ def _distribution(name: str, table: Any) -> Distribution:
         if key not in Distribution.model_fields:
             must = f"one of {', '.join(Distribution.model_fields)}{closest(key, Distribution.model_fields)}"
             raise UserError(f"{name}.{key}", must, "unknown")
-    if KIND not in table:
-        raise UserError(f"{name}.{KIND}", f"one of {', '.join(_SHAPES)}", "missing")
+    if DISTRIBUTION not in table:
+        raise UserError(f"{name}.{DISTRIBUTION}", f"one of {', '.join(_SHAPES)}", "missing")
     try:
         return validate(Distribution, table)
     except UserError as error:

@@ -1,0 +1,40 @@
+"""JAX, fetched when it is first used: modules that scenario files are read with know fields without importing it.
+
+>>> float(jnp.maximum(1.0, 2.0)), round(float(sincos(0.5)[0]), 7)
+(2.0, 0.4794255)
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+
+class _Later:
+    """Module that is imported when one of its names is asked for."""
+
+    def __init__(self, name: str):
+        self._module = name
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(import_module(self._module), name)
+
+
+if TYPE_CHECKING:
+    import jax
+    import jax.numpy as jnp
+
+    from coopmm_jax.algebra.sincos import sincos, wrapped
+else:
+    jax, jnp = _Later("jax"), _Later("jax.numpy")
+
+    def sincos(x):
+        """Sine and cosine of a scalar [rad], see ``algebra/sincos.py``."""
+        return import_module("coopmm_jax.algebra.sincos").sincos(x)
+
+    def wrapped(angle):
+        """The same direction within half a turn of zero [rad], a scalar, see ``algebra/sincos.py``."""
+        return import_module("coopmm_jax.algebra.sincos").wrapped(angle)
+
+
+__all__ = ["jax", "jnp", "sincos", "wrapped"]

@@ -1,0 +1,135 @@
+"""Plugins: Python files and entry points that register kinds.
+
+A plugin is code that the user names, on the command line by ``--plugin FILE`` or in Python by ``load_plugin``, or a
+package that the user has installed. A scenario file names kinds, and never runs code.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import sys
+import traceback
+from collections.abc import Mapping
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import CodeType
+from typing import NamedTuple
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.files import resolve_path
+from coopmm_jax.kinds.registry import registering
+
+ENTRY_POINTS = "coopmm_jax.plugins"  # the group in which a package declares modules that register kinds
+OPTION = "--plugin"
+
+
+class Plugin(NamedTuple):
+    """A plugin that has been loaded."""
+
+    name: str  # of its file, without folder, or of its entry point
+    digest: str  # of the file's bytes (sha256), or the version of the package
+
+
+_loaded: dict[str, Plugin] = {}  # by resolved path, or by name of the entry point
+
+
+def load_plugin(path: str | Path, option: str = OPTION) -> None:
+    """Run a Python file that registers kinds; a file that has been loaded already is not run again.
+
+    Args:
+        path: of the file.
+        option: what the user knows the path as, for the error.
+
+    Raises:
+        UserError: no such file, one that cannot be run, or one that registers what cannot be used; nothing of it stays.
+    """
+    file = resolve_path(path, option)
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise UserError(option, "a Python file", f"{path} ({error.strerror})") from None
+    key, plugin = str(file.resolve()), Plugin(file.name, hashlib.sha256(content).hexdigest())
+    if key in _loaded:
+        if _loaded[key] != plugin:
+            raise UserError(option, "a file that does not change while this process runs", path)
+        return
+    if any(other.name == plugin.name for other in _loaded.values()):
+        raise UserError(option, "files of different names", path)
+    _run(file, content, option)
+    _loaded[key] = plugin
+
+
+def load_installed() -> None:
+    """Import the modules that installed packages declare as plugins.
+
+    Raises:
+        UserError: a module that cannot be imported, or that registers what cannot be used.
+    """
+    for point in sorted(entry_points(group=ENTRY_POINTS)):
+        if point.name in _loaded:
+            continue
+        with registering(point.name):
+            try:
+                point.load()
+            except UserError:
+                raise
+            except Exception as error:
+                raise UserError(f"plugin {point.name}", f"importable ({point.value})", _told(error, None)) from None
+        version = point.dist.version if point.dist is not None else "unknown"
+        _loaded[point.name] = Plugin(point.name, version)
+
+
+def loaded() -> dict[str, str]:
+    """Plugins by name, with what tells their content: what a result records."""
+    return {plugin.name: plugin.digest for plugin in sorted(_loaded.values())}
+
+
+def check_recorded(recorded: Mapping[str, str], field: str, what: str) -> None:
+    """Compare the plugins that something was made with to those that are loaded.
+
+    Args:
+        recorded: as ``loaded`` gave them then.
+        field: where the user named what was made, for the error.
+        what: was made, for the error.
+
+    Raises:
+        UserError: one of them is missing, or has other content now.
+    """
+    now = loaded()
+    for name, digest in recorded.items():
+        if name not in now:
+            raise UserError(field, f"used with {OPTION} {name}, as {what} was made", "used without")
+        if now[name] != digest:
+            raise UserError(field, f"used with the {name} that {what} was made with", f"another ({now[name][:12]})")
+
+
+def _run(file: Path, content: bytes, option: str) -> None:
+    name = f"coopmm_jax_plugin_{file.stem}"
+    spec = importlib.util.spec_from_loader(name, loader=None, origin=str(file))
+    assert spec is not None
+    module = importlib.util.module_from_spec(spec)
+    module.__file__ = str(file)
+    sys.modules[name] = module  # annotations are looked up there
+    try:
+        with registering(file.name):
+            exec(_compiled(file, content), vars(module))
+    except UserError:
+        del sys.modules[name]
+        raise
+    except Exception as error:
+        del sys.modules[name]
+        raise UserError(f"{option} {file.name}", "a file that runs", _told(error, file)) from None
+
+
+def _compiled(file: Path, content: bytes) -> CodeType:
+    return compile(content, str(file), "exec", dont_inherit=True)
+
+
+def _told(error: Exception, file: Path | None) -> str:
+    """Exception in one line, with the line of the plugin that it comes from."""
+    if isinstance(error, SyntaxError):
+        return f"line {error.lineno}: {error.msg}"
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if file and frame.filename == str(file)]
+    line = f"line {frames[-1].lineno}: " if frames else ""
+    return f"{line}{type(error).__name__}: {error}"
