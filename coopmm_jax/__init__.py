@@ -18,7 +18,9 @@ from coopmm_jax import runtime
 if TYPE_CHECKING:  # for editors; at run time ``__getattr__`` fetches each of them from the same place
     from coopmm_jax.animation.film import animate
     from coopmm_jax.errors import UserError
+    from coopmm_jax.kinds.registry import quantity, register
     from coopmm_jax.plotting import overview
+    from coopmm_jax.plugins import load_plugin
     from coopmm_jax.runs.simulation import simulate
     from coopmm_jax.runs.store import read_run
     from coopmm_jax.runs.trajectory import Trajectory
@@ -35,9 +37,12 @@ __all__ = [
     "UserError",
     "animate",
     "list_scenarios",
+    "load_plugin",
     "load_scenario",
     "overview",
+    "quantity",
     "read_run",
+    "register",
     "replay",
     "simulate",
     "sweep",
@@ -51,9 +56,12 @@ _MODULE_OF = {
     "UserError": "errors",
     "animate": "animation.film",
     "list_scenarios": "scenario.scenario",
+    "load_plugin": "plugins",
     "load_scenario": "scenario.scenario",
     "overview": "plotting",
+    "quantity": "kinds.registry",
     "read_run": "runs.store",
+    "register": "kinds.registry",
     "replay": "sweeps.replay",
     "simulate": "runs.simulation",
     "sweep": "sweeps.run",
