@@ -45,7 +45,7 @@ def replace_rollouts(monkeypatch):
         calls, lost = 0, staticmethod(lambda vector: False)
         begun, asked = [], []  # gradients: what is compiled early, and what is asked for
 
-    def evaluate(objective, vectors, samples):
+    def evaluate(objective, vectors, samples, precision="float64"):
         terms = np.asarray(many("terms", np.asarray(vectors), samples.rows, np.ones(len(TERMS))))
         lost = np.array([[Stand.lost(vector)] * len(samples) for vector in vectors])
         return batches.Evaluated(terms, ~lost, np.where(lost, 0.5, 1.0))
@@ -70,5 +70,7 @@ def replace_rollouts(monkeypatch):
         "compile_gradients",
         lambda o, samples: Stand.begun.append((o, samples.structure, samples.rows.shape[1])),
     )
+    monkeypatch.setattr(batches, "compile_costs", lambda *_: None)
+    monkeypatch.setattr(comparison, "compile_ahead", lambda _: None)
     monkeypatch.setattr(outcome, "compare", compare)
     return Stand

@@ -36,5 +36,9 @@ def test_a_lane_has_the_same_bits_alone_and_among_others(results):
     assert results["alone"] == results["among"]
 
 
+def test_float32_has_the_terms_of_float64_to_a_thousandth(results):
+    np.testing.assert_allclose(results["single"], results["terms"], rtol=1e-3, atol=1e-9)
+
+
 def test_the_plain_function_is_the_one_that_is_tuned(results):
     np.testing.assert_allclose(results["plain"], results["alone"][0], rtol=1e-12)

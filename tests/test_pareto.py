@@ -44,7 +44,7 @@ def weight_of(rows):
 def rollouts(monkeypatch):
     """Closed forms instead of rollouts."""
 
-    def evaluate(objective, vectors, samples):
+    def evaluate(objective, vectors, samples, precision="float64"):
         terms = terms_of(np.asarray(vectors), samples.rows)
         return batches.Evaluated(terms, np.ones(terms.shape[:2], bool), np.ones(terms.shape[:2]))
 

@@ -119,7 +119,7 @@ def test_a_scan_finds_the_gain_that_is_far_off():
     class Far:
         low, high = np.full(5, -3.0), np.full(5, 3.0)
 
-        def values(self, vectors, count, draw):
+        def values(self, vectors, count, draw, precision="float64"):
             return np.sum((vectors - [0.0, 0.0, 2.9, 0.0, 0.0]) ** 2, axis=1)
 
     scan = stages.Scan(seed=1)
@@ -136,7 +136,7 @@ def test_generations_stay_between_the_bounds_and_come_to_the_best_point(rollouts
     class Corner:
         low, high, seen = np.full(3, -1.0), np.full(3, 1.0), []
 
-        def values(self, vectors, count, draw):
+        def values(self, vectors, count, draw, precision="float64"):
             self.seen.append(vectors)
             return 1.0 + np.sum((vectors - [2.0, 0.3, -0.5]) ** 2, axis=1)
 
@@ -218,7 +218,7 @@ def test_ripples_on_the_cost_are_told_from_its_slope(rollouts, monkeypatch, ripp
     """Ripples of a thousandth, 0.006 from crest to crest: no larger step sees them."""
     smooth = batches.evaluate
 
-    def evaluate(objective, vectors, samples):
+    def evaluate(objective, vectors, samples, precision="float64"):
         found = smooth(objective, vectors, samples)
         waves = ripple * np.sin(1e3 * np.asarray(vectors)).sum(axis=1)
         return found._replace(terms=found.terms * (1.0 + waves)[:, None, None])
@@ -314,9 +314,9 @@ def test_a_descent_goes_along_a_bound(rollouts):
 def test_adversaries_are_trained_on_from_then_on(rollouts, monkeypatch):
     sets, values = [], DrawnTrials.values
 
-    def watched(trials, vectors, count, draw):
+    def watched(trials, vectors, count, draw, precision):
         sets.append((count, trials._samples(count, draw).rows))
-        return values(trials, vectors, count, draw)
+        return values(trials, vectors, count, draw, precision)
 
     monkeypatch.setattr(DrawnTrials, "values", watched)
     tuning.tune(scenario(budget=60.0, adversaries=1))
@@ -327,6 +327,22 @@ def test_adversaries_are_trained_on_from_then_on(rollouts, monkeypatch):
     mass = int(np.flatnonzero(np.any(last != last[0], axis=0))[0])
     ends = 5.0 * np.array([0.8, 1.2])  # the cost is convex in the mass, so an end of its range is worst
     assert np.abs(last[-1, mass] - ends).min() < 1e-6
+
+
+@pytest.mark.parametrize(("precision", "coarse"), [("mixed", "float32"), ("float64", "float64")])
+def test_float32_is_for_candidates_far_apart(rollouts, monkeypatch, precision, coarse):
+    used, values = [], DrawnTrials.values
+
+    def watched(trials, vectors, count, draw, kind):
+        used.append(kind)
+        return values(trials, vectors, count, draw, kind)
+
+    monkeypatch.setattr(DrawnTrials, "values", watched)
+    result = tuning.tune(scenario(precision=precision))
+    stages_of = [row.stage for row in result.history]
+    second = stages_of.index("scanning", stages_of.index("searching"))
+    assert used == [coarse] * second + ["float64"] * (len(used) - second)
+    assert len(used) > second
 
 
 def test_search_gradient_weighs_the_samples_by_risk(rollouts):

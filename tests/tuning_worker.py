@@ -56,6 +56,7 @@ def main():
         "plain": plain.tolist(),
         "names": space.labels(),
         "terms": evaluate.evaluate(search.objective, start[None], samples).terms[0].tolist(),
+        "single": evaluate.evaluate(search.objective, start[None], samples, "float32").terms[0].tolist(),
     }
     print(json.dumps(results))
 

@@ -19,7 +19,7 @@ from coopmm_jax.metrics.sample import internal_force, largest_size, squared_erro
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.status import Status
-from coopmm_jax.sweeps.batch import Device, Program, run
+from coopmm_jax.sweeps.batch import Device, Program, prepare, run
 
 SEGMENT = 64  # steps; a horizon is rounded up to a whole number of segments
 POINTS = 400  # of a kept series, at most one more
@@ -89,14 +89,27 @@ def trace(structure: Structure, horizon: Horizon, device: Device, parameters: Pa
     return {name: np.where(lost, np.nan, series[name]) for name in SERIES}
 
 
+def compile_ahead(structure: Structure, horizon: Horizon, device: Device, parameters: Parameters) -> None:
+    """Compile what ``measure`` and ``trace`` run, with their arguments."""
+    for function, stride in ((_metrics_of, SEGMENT), (_series_of, horizon.stride)):
+        prepare(*_call(function, structure, Plan.batch(horizon.steps, stride), horizon, device, parameters))
+
+
 def _run(
     function: Callable, structure: Structure, plan: Plan, horizon: Horizon, device: Device, parameters: Parameters
 ) -> Any:
     """Results of a program for all numbers, and for all horizons of one plan."""
+    return run(*_call(function, structure, plan, horizon, device, parameters))
+
+
+def _call(
+    function: Callable, structure: Structure, plan: Plan, horizon: Horizon, device: Device, parameters: Parameters
+) -> tuple[Program, Device, tuple, tuple]:
+    """Arguments of ``batch.run``."""
     dtype = np.dtype(horizon.precision)
     parameters = jax.tree.map(lambda x: np.ascontiguousarray(x, dtype), parameters)
     extent = (np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32))
-    return run(Program(function, (structure, plan)), device, (parameters,), extent)
+    return Program(function, (structure, plan)), device, (parameters,), extent
 
 
 def _metrics_of(

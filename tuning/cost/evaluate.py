@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import copy
-import functools
-import threading
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -53,9 +51,13 @@ class Evaluated(NamedTuple):
         return np.where(self.completed, np.sum(coefficients * self.terms, axis=-1), failed)
 
 
-def evaluate(objective: Objective, vectors: np.ndarray, samples: Samples) -> Evaluated:
-    """Terms of every candidate (C, n) on every sample."""
-    return Evaluated(*_run(_terms, objective, vectors, samples, np.zeros(len(TERMS))))
+def evaluate(objective: Objective, vectors: np.ndarray, samples: Samples, precision: str = "float64") -> Evaluated:
+    """Terms of every candidate (C, n) on every sample.
+
+    In float32 a batch is twice as fast. Ranks of candidates that lie a factor of 1.35 apart in each gain are those of
+    float64 (correlation 0.99 on ``sensed``); at a factor of 1.05 they are not (0.82 to 0.87).
+    """
+    return Evaluated(*_run(_terms, objective, vectors, samples, np.zeros(len(TERMS)), precision))
 
 
 def gradients(
@@ -72,17 +74,20 @@ def gradients(
     return costs, slopes
 
 
-def compile_gradients(objective: Objective, samples: Samples) -> None:
-    """Begin to compile what ``gradients`` runs on samples of this structure, in a thread of its own.
+def compile_costs(objective: Objective, samples: Samples, precision: str) -> None:
+    """Compile what ``evaluate`` runs on samples of this structure."""
+    _prepare(_terms, objective, samples, precision)
 
-    LLVM spends most of it on one function, on one core: meanwhile another compiles and runs what the search begins
-    with. What goes wrong shows when ``gradients`` is called.
-    """
-    double = functools.partial(jax.ShapeDtypeStruct, dtype=np.float64)
+
+def compile_gradients(objective: Objective, samples: Samples) -> None:
+    """Compile what ``gradients`` runs on samples of this structure."""
+    _prepare(_gradient, objective, samples, "float64")
+
+
+def _prepare(function: Callable, objective: Objective, samples: Samples, precision: str) -> None:
     sizes = (objective.space.size, samples.rows.shape[1], len(TERMS))
-    elements = tuple(double((BATCH, size)) for size in sizes)
-    arguments = (_program(_gradient, objective, samples), slots()[0], elements)
-    threading.Thread(target=prepare, args=arguments, name="compile gradients").start()
+    elements = tuple(jax.ShapeDtypeStruct((BATCH, size), np.dtype(precision)) for size in sizes)
+    prepare(_program(function, objective, samples), slots()[0], elements)
 
 
 def sensitivities(
@@ -94,18 +99,25 @@ def sensitivities(
 
 
 def _run(
-    function: Callable, objective: Objective, vectors: np.ndarray, samples: Samples, coefficients: np.ndarray
+    function: Callable,
+    objective: Objective,
+    vectors: np.ndarray,
+    samples: Samples,
+    coefficients: np.ndarray,
+    precision: str = "float64",
 ) -> list[np.ndarray]:
-    """Results of every candidate on every sample, each (C, N, ...)."""
+    """Results of every candidate on every sample, each (C, N, ...), in double precision."""
     candidates, count = len(vectors), len(samples)
     coefficients = np.broadcast_to(coefficients, (candidates, len(TERMS)))
+    vectors, rows, coefficients = (x.astype(precision) for x in (vectors, samples.rows, coefficients))
     program = _program(function, objective, samples)
 
     def compute(device: Device, pairs: np.ndarray) -> Any:
         candidate, sample = np.divmod(pairs, count)
-        return run(program, device, (vectors[candidate], samples.rows[sample], coefficients[candidate]))
+        return run(program, device, (vectors[candidate], rows[sample], coefficients[candidate]))
 
     arrays = in_batches(compute, candidates * count, BATCH)
+    arrays = (array.astype(float) if array.dtype == np.float32 else array for array in arrays)
     return [array.reshape(candidates, count, *array.shape[1:]) for array in arrays]
 
 

@@ -72,14 +72,16 @@ class Problem:
         """Upper bounds of vectors (n,)."""
         return np.array(self.space.high)
 
-    def costs(self, vectors: np.ndarray, samples: Samples | None = None) -> np.ndarray:
+    def costs(self, vectors: np.ndarray, samples: Samples | None = None, precision: str = "float64") -> np.ndarray:
         """Risks (C,) of vectors (C, n), each of them moved between the bounds first.
 
         Args:
             vectors: logarithms of gains, see ``GainSpace``.
             samples: robots to try them on; the fixed ones that tuning chooses by if left out.
+            precision: float64, or float32, which is twice as fast and tells candidates apart that are not close.
         """
-        return self.cost.values(self.space.inside(np.atleast_2d(vectors)), self.fixed if samples is None else samples)
+        inside = self.space.inside(np.atleast_2d(vectors))
+        return self.cost.values(inside, self.fixed if samples is None else samples, precision)
 
     def slopes(self, vectors: np.ndarray, samples: Samples | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Risks (C,) of vectors (C, n) and their exact gradients (C, n), by reverse mode through the rollouts.
@@ -124,10 +126,21 @@ def build_problem(scenario: Scenario | str | Path) -> Problem:
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
-    variation = check_tuning(scenario)
     plausible.warn_of(scenario)
-    objective = Objective.of(scenario, variation.structure(), scenario.simulation.duration)
-    return scaled(scenario, variation, objective, objective.space.start)
+    problem = unscaled(scenario)
+    return scaled(problem, problem.start)
+
+
+def unscaled(scenario: Scenario) -> Problem:
+    """The problem of a scenario before its terms are scaled: all have the weight 0. Nothing is compiled or run.
+
+    Raises:
+        UserError: as ``check_tuning``.
+    """
+    variation = check_tuning(scenario)
+    return with_objective(
+        scenario, variation, Objective.of(scenario, variation.structure(), scenario.simulation.duration)
+    )
 
 
 def check_tuning(scenario: Scenario) -> Variation:
@@ -165,19 +178,24 @@ def check_count(count: int, field: str, candidates: int = 1) -> None:
     check_memory((_PER_SAMPLE + _PER_ROLLOUT * candidates) * count, field, "smaller", count)
 
 
-def scaled(scenario: Scenario, variation: Variation, objective: Objective, start: np.ndarray) -> Problem:
-    """The problem of an objective whose terms are scaled by their means under the vector ``start`` (n,).
+def with_objective(scenario: Scenario, variation: Variation, objective: Objective) -> Problem:
+    """The problem of any objective, before its terms are scaled."""
+    settings = scenario.tuning
+    chosen = risk(settings.risk, settings.risk_level, settings.sharpness)
+    return Problem(scenario, variation, RobustCost(objective, np.zeros(len(TERMS)), chosen))
+
+
+def scaled(problem: Problem, start: np.ndarray) -> Problem:
+    """The problem with its terms scaled by their means under the vector ``start`` (n,).
 
     The means are over the fixed samples that complete.
 
     Raises:
         UserError: none completes.
     """
-    settings = scenario.tuning
-    chosen = risk(settings.risk, settings.risk_level, settings.sharpness)
-    problem = Problem(scenario, variation, RobustCost(objective, np.zeros(len(TERMS)), chosen))
+    settings = problem.scenario.tuning
     fixed = problem.samples(VALIDATION, settings.validation_samples)
-    found = evaluate.evaluate(objective, start[None], fixed)
+    found = evaluate.evaluate(problem.cost.objective, start[None], fixed)
     completed = found.completed[0]
     if not completed.any():
         raise UserError("gains", "such that at least one validation sample completes, to scale the cost by", "none")

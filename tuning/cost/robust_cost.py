@@ -20,9 +20,9 @@ class RobustCost:
     coefficients: np.ndarray  # of the terms (9,)
     risk: Risk
 
-    def values(self, vectors: np.ndarray, samples: Samples) -> np.ndarray:
+    def values(self, vectors: np.ndarray, samples: Samples, precision: str = "float64") -> np.ndarray:
         """Risks (C,) of vectors (C, n); what one is worth does not depend on the others."""
-        costs = evaluate.evaluate(self.objective, vectors, samples).costs(self.coefficients)
+        costs = evaluate.evaluate(self.objective, vectors, samples, precision).costs(self.coefficients)
         return np.array([float(self.risk(row)) for row in costs])
 
     def slopes(self, vectors: np.ndarray, samples: Samples) -> tuple[np.ndarray, np.ndarray]:

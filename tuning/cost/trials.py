@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from tuning.cost import evaluate
 from tuning.cost.evaluate import Samples
 from tuning.cost.problem import Problem
 
@@ -25,11 +24,11 @@ class DrawnTrials:
         self.problem, self.spent, self.worst = problem, spent, worst
         self.low, self.high = problem.low, problem.high
 
-    def values(self, vectors: np.ndarray, count: int, draw: int) -> np.ndarray:
+    def values(self, vectors: np.ndarray, count: int, draw: int, precision: str = "float64") -> np.ndarray:
         """Risks (C,) of vectors (C, n) on the set ``draw`` of ``count`` samples."""
         samples = self._samples(count, draw)
         self._count(len(vectors) * len(samples))
-        return self.problem.costs(vectors, samples)
+        return self.problem.costs(vectors, samples, precision)
 
     def slopes(self, vectors: np.ndarray, count: int, draw: int) -> tuple[np.ndarray, np.ndarray]:
         """Risks (C,) and their gradients (C, n), likewise."""
@@ -41,10 +40,6 @@ class DrawnTrials:
         """Risks (C,) of vectors (C, n) on the fixed samples that choose among them."""
         self._count(len(vectors) * self.problem.scenario.tuning.validation_samples)
         return self.problem.costs(vectors)
-
-    def compile_slopes(self) -> None:
-        """Begin to compile what ``slopes`` will run, beside what the search begins with."""
-        evaluate.compile_gradients(self.problem.cost.objective, self._samples(1, 0))
 
     def _samples(self, count: int, draw: int) -> Samples:
         samples = self.problem.drawn(count, draw)

@@ -122,8 +122,8 @@ class Trials(Protocol):
     low: np.ndarray  # bounds of vectors (n,)
     high: np.ndarray
 
-    def values(self, vectors: np.ndarray, count: int, draw: int) -> np.ndarray:
-        """Risks (C,) of vectors (C, n) on ``count`` samples."""
+    def values(self, vectors: np.ndarray, count: int, draw: int, precision: str = "float64") -> np.ndarray:
+        """Risks (C,) of vectors (C, n) on ``count`` samples, computed in float32 or float64."""
         ...
         ...
 

@@ -95,6 +95,7 @@ class Scan:
     samples: int = 8
     points: int = 8  # the gain's present value and seven others
     until: float = 1.0
+    precision: str = "float64"
     name = "scanning"
 
     def begin(self, vector: np.ndarray) -> tuple:
@@ -107,7 +108,7 @@ class Scan:
         i = np.random.default_rng((self.seed, place.stage)).permutation(n)[place.step]
         tried = np.repeat(place.vector[None], self.points, axis=0)
         tried[1:, i] = np.linspace(trials.low[i], trials.high[i], self.points - 1)
-        values = trials.values(tried, self.samples, place.draw)
+        values = trials.values(tried, self.samples, place.draw, self.precision)
         best = int(np.argmin(values))
         if not values[best] < values[0] - _WORTH * abs(values[0]):
             best = 0
@@ -142,6 +143,7 @@ class Generations:
     population: int
     spread: float  # of the first generation
     until: float
+    precision: str = "float64"
     name = "searching"
 
     def begin(self, vector: np.ndarray) -> Evolving:
@@ -154,7 +156,7 @@ class Generations:
         points = cma.ask(cloud, self.population, np.random.default_rng((self.seed, place.stage, place.step)))
         inside = np.clip(points, trials.low, trials.high)
         beyond = 1.0 + 0.1 * np.sum((points - inside) ** 2, axis=1)
-        values = trials.values(inside, self.samples, place.draw) * beyond
+        values = trials.values(inside, self.samples, place.draw, self.precision) * beyond
         cloud = cma.tell(cloud, points, values)
         total = cloud.mean + (total if place.step % CHECK else 0.0)
         place = place._replace(step=place.step + 1, draw=place.draw + 1, inner=Evolving(cloud, total))
@@ -217,15 +219,16 @@ class Descents:
 class Plan(NamedTuple):
     """A search: a scan, a wide local search, then scans and narrow local searches by turns."""
 
-    scan: Stage
+    first: Stage  # scan
     wide: Stage
+    scan: Stage
     narrow: Stage
 
     def stage(self, number: int) -> Stage:
         """The stage of a number from 0 on."""
-        if number % 2 == 0:
-            return self.scan
-        return self.wide if number == 1 else self.narrow
+        if number < 2:
+            return self.wide if number else self.first
+        return self.narrow if number % 2 else self.scan
 
 
 def plan(settings: TuningSection, seed: int) -> Plan:
@@ -234,10 +237,11 @@ def plan(settings: TuningSection, seed: int) -> Plan:
     Raises:
         UserError: an optimiser that does not exist.
     """
-    scan = Scan(seed, 2 * settings.samples)
+    scan, coarse = Scan(seed, 2 * settings.samples), settings.coarse
+    first = replace(scan, precision=coarse)
     if settings.optimiser in ("auto", "cma"):
-        wide = Generations(seed, settings.samples, settings.population, WIDE, HALF)
-        return Plan(scan, wide, replace(wide, spread=NARROW, until=1.0))
+        narrow = Generations(seed, settings.samples, settings.population, NARROW, 1.0)
+        return Plan(first, replace(narrow, spread=WIDE, until=HALF, precision=coarse), scan, narrow)
     chosen = method.method(settings.optimiser, settings.learning_rate, settings.decay, settings.clip, DECAY)
     wide = Descents(chosen, settings.samples, settings.steps, settings.patience, HALF)
-    return Plan(scan, wide, replace(wide, until=1.0))
+    return Plan(first, wide, scan, replace(wide, until=1.0))

@@ -20,7 +20,7 @@ from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import vary
 from tuning.cost.objective import Objective
-from tuning.cost.problem import TEST, Problem, check_count, scaled
+from tuning.cost.problem import TEST, Problem, check_count, scaled, with_objective
 from tuning.studies.comparison import Comparison, compare
 
 OWN = "scenario"  # stands for the scenario's own gains in the place of a file
@@ -139,4 +139,4 @@ def _problem(scenario: Scenario) -> Problem:
     space: Any = AnyGains(jax.tree.structure(own))  # in the place of a GainSpace: only its size and gains are used
     settings = scenario.tuning
     objective = Objective(space, variation.structure(), scenario.sample_time, scenario.steps, settings.tracking_from)
-    return scaled(scenario, variation, objective, _vector(own))
+    return scaled(with_objective(scenario, variation, objective), _vector(own))

@@ -51,8 +51,7 @@ def compare(problem: Problem, vectors: np.ndarray, first: int, count: int) -> Co
     """The gains of S vectors (S, n) on the samples ``first`` to ``first + count - 1``, over the whole duration."""
     cost, samples = problem.cost, problem.samples(first, count)
     found = evaluate.evaluate(cost.objective, vectors, samples)
-    scenario = problem.scenario
-    horizon = Horizon(scenario.sample_time, scenario.steps, "float64")
+    horizon = _horizon(problem)
     measured = [_measured(problem, vector, samples, horizon) for vector in vectors]
     bands = problem.samples(first, min(count, BANDS))
     series = [_series(problem, vector, bands, horizon) for vector in vectors]
@@ -64,6 +63,16 @@ def compare(problem: Problem, vectors: np.ndarray, first: int, count: int) -> Co
         times=horizon.times(),
         series={name: np.stack([one[name] for one in series]) for name in series[0]},
     )
+
+
+def compile_ahead(problem: Problem) -> None:
+    """Compile what ``compare`` runs but the costs."""
+    parameters = _with_gains(problem, problem.start, problem.samples(0, 1), np.zeros(BATCH, int))
+    measure.compile_ahead(problem.variation.structure(), _horizon(problem), slots()[0], parameters)
+
+
+def _horizon(problem: Problem) -> Horizon:
+    return Horizon(problem.scenario.sample_time, problem.scenario.steps, "float64")
 
 
 def _with_gains(problem: Problem, vector: np.ndarray, samples: Samples, rows: np.ndarray) -> Parameters:

@@ -31,8 +31,8 @@ def margins(problem: Problem, vector: np.ndarray) -> list[Margin]:
     """The margin of every number of a vector (n,): by bisection over ``FACTORS``, all numbers at once."""
     n = vector.size
     signs, index = np.repeat([-1.0, 1.0], n), np.tile(np.arange(n), 2)
-    samples = problem.drawn(SAMPLES, CHOICE)
-    limit = (1.0 + RISE) * problem.cost.values(vector[None], samples)[0]
+    samples, precision = problem.drawn(SAMPLES, CHOICE), problem.scenario.tuning.coarse
+    limit = (1.0 + RISE) * problem.cost.values(vector[None], samples, precision)[0]
     steps = np.log(np.concatenate([[1.0], FACTORS]))
     good, bad = np.zeros(2 * n, int), np.full(2 * n, len(steps))
     failing = np.zeros(2 * n, bool)
@@ -40,7 +40,7 @@ def margins(problem: Problem, vector: np.ndarray) -> list[Margin]:
         middle = (good + bad) // 2
         moved = np.repeat(vector[None], 2 * n, axis=0)
         moved[np.arange(2 * n), index] += signs * steps[middle]
-        found = evaluate.evaluate(problem.cost.objective, moved, samples)
+        found = evaluate.evaluate(problem.cost.objective, moved, samples, precision)
         lost = ~found.completed.all(axis=1)
         risks = np.array([float(problem.cost.risk(row)) for row in found.costs(problem.cost.coefficients)])
         kept = ~lost & (risks <= limit)
@@ -72,5 +72,6 @@ def sturdiest(problem: Problem, vectors: np.ndarray, values: np.ndarray) -> np.n
     n, step = near.shape[1], np.log(NUDGE)
     nudges = np.concatenate([-step * np.eye(n), step * np.eye(n)])
     moved = (near[:, None] + nudges).reshape(-1, n)
-    risks = problem.cost.values(moved, problem.drawn(SAMPLES, CHOICE)).reshape(len(near), -1)
+    precision = problem.scenario.tuning.coarse
+    risks = problem.cost.values(moved, problem.drawn(SAMPLES, CHOICE), precision).reshape(len(near), -1)
     return near[int(np.argmin(risks.mean(axis=1)))]

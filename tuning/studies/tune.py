@@ -5,6 +5,7 @@ What is minimised is what is reported: the risk over the whole duration, in the 
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,10 +16,11 @@ import numpy as np
 
 from coopmm_jax.files import write_text
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
-from tuning.cost.problem import SCREENING, Problem, build_problem, check_tuning
+from tuning.cost import evaluate
+from tuning.cost.problem import SCREENING, Problem, build_problem, unscaled
 from tuning.cost.trials import DrawnTrials, steps_of
 from tuning.search.stages import Descents, Place, Plan, plan
-from tuning.studies import state
+from tuning.studies import comparison, state
 from tuning.studies.falsify import ROLLOUTS, worst_samples
 from tuning.studies.margins import sturdiest
 from tuning.studies.result import Row, TuningResult, gains_file, report
@@ -87,11 +89,10 @@ def tune(
     with jax.enable_x64(True), state.run_folder(out, resume) as folder:
         chosen = plan(scenario.tuning, scenario.simulation.seed)
         found = state.read(folder, scenario.to_toml()) if resume and folder else None
-        check_tuning(scenario)
+        ahead = (unscaled(scenario), chosen)
         say("compiling")
+        threading.Thread(target=compile_ahead, args=ahead, name="compile ahead").start()
         problem = build_problem(scenario)
-        if isinstance(chosen.wide, Descents):
-            DrawnTrials(problem).compile_slopes()
         driver = Driver(folder, problem, progress, say)
         run = driver.begin() if found is None else _unpacked(problem, chosen, found)
         if folder is not None:
@@ -105,6 +106,23 @@ def tune(
         if folder is not None:
             write_text(folder / "gains.toml", gains_file(result))
         return result
+
+
+def compile_ahead(problem: Problem, chosen: Plan) -> None:
+    """Compile everything but the costs in float64, which begin a run, in the order in which a run needs it.
+
+    LLVM keeps one core busy, mostly with one function: meanwhile another compiles the rest and runs what the search
+    begins with. What goes wrong here shows when it is needed.
+
+    Args:
+        problem: need not be scaled.
+        chosen: the stages.
+    """
+    objective, samples = problem.cost.objective, problem.samples(0, 1)
+    evaluate.compile_costs(objective, samples, problem.scenario.tuning.coarse)
+    if isinstance(chosen.wide, Descents):
+        evaluate.compile_gradients(objective, samples)
+    comparison.compile_ahead(problem)
 
 
 @dataclass
@@ -122,7 +140,7 @@ class Driver:
         began, s = time.monotonic(), self.problem.scenario.tuning
         trials = DrawnTrials(self.problem)
         starts = self.problem.space.starts(s.starts, self.problem.scenario.simulation.seed)
-        risks = trials.values(starts, s.screening_samples, SCREENING)
+        risks = trials.values(starts, s.screening_samples, SCREENING, s.coarse)
         run = Run.at(starts[int(np.argmin(risks))], trials)
         run.check(np.stack([self.problem.start, run.place.vector]))
         self.note(run, "screening", float(risks.min()), 0, time.monotonic() - began)

@@ -77,6 +77,9 @@ class TuningSection(Section):
     starts: Count = quantity(256, "starting points: the scenario's gains and scrambled Sobol points")
     screening_samples: Count = quantity(4, "samples that choose among the starting points")
     samples: Count = quantity(4, "samples of a generation or descent, drawn anew for each; of a scan, twice as many")
+    precision: Literal["mixed", "float64"] = quantity(
+        "mixed", "floating point numbers: mixed takes float32 where candidates lie far apart, twice as fast"
+    )
     optimiser: str = quantity("auto", "auto, cma, lbfgs, or an optimiser of optax by name")
     population: Population = quantity(16, "cma: candidates of a generation")
     steps: Count = quantity(4, "of a descent on the same samples")
@@ -84,6 +87,11 @@ class TuningSection(Section):
     learning_rate: Positive = quantity(0.1, "of optax's optimisers")
     decay: Literal["constant", "cosine"] = quantity("constant", "of the learning rate")
     clip: Positive | None = quantity(None, "largest norm of the gradient given to optax's optimisers")
+
+    @property
+    def coarse(self) -> str:
+        """Floating point numbers where candidates lie far apart: screening, first scan, wide search, margins."""
+        return "float32" if self.precision == "mixed" else "float64"
 
     @field_validator("gains", mode="before")
     @classmethod
