@@ -125,6 +125,8 @@ class Hardware(NamedTuple):
     surface_amplitude: Scalar = 0.0  # of the arc's radius, Rc + amplitude sin(frequency t + phase) [m]
     surface_frequency: Scalar = 1.0  # [rad/s]
     surface_phase: Scalar = 0.0  # [rad]
+    penetration: Scalar = 1e-4  # of the tip into a compliant surface at 15 N [m]
+    contact_damping: Scalar = 20.0  # of a compliant surface: share of its force for each m/s [s/m]
 
 
 PAPER_START = (Pose(2.5, 0.0, 0.0, 0.5253, -0.9273, 1.8546), Pose(1.2, 0.0, 0.0, 1.57, 2.62, 1.05))
@@ -178,3 +180,14 @@ class Structure(NamedTuple):
     substeps: int = 0  # integration steps per control period; 0: the controller runs in continuous time
     force_delay: int = 0  # whole samples by which the measured force is late
     features: Features = Features()
+    contact: str = "rigid"  # rigid | compliant: a constraint, or a stiff surface that the tip can leave
+
+    @property
+    def compliant(self) -> bool:
+        """True if the contact's normal row is a row of the controller only, and a stiff surface in the plant."""
+        return self.contact == "compliant"
+
+    @property
+    def plant_rows(self) -> tuple[str, ...]:
+        """Constraint rows of the plant; the controller's are ``rows``."""
+        return tuple(name for name in self.rows if name != "contact_normal") if self.compliant else self.rows

@@ -73,14 +73,17 @@ def test_every_number_reaches_the_rollout():
         },
         "contact": {
             **{"tip_friction": 2.1, "slip_speed": 2.2, "surface_amplitude": 2.3},
-            **{"surface_frequency": 2.4, "surface_phase": 2.5},
+            **{"surface_frequency": 2.4, "surface_phase": 2.5, "penetration": 2.6},
         },
     }
     scenario = Scenario().with_overrides(
-        SAMPLED | numbers | {"actuators": numbers["actuators"] | {"lag": 1.3}, "simulation.seed": 3 * 2**16 + 5}
+        SAMPLED
+        | numbers
+        | {"actuators": numbers["actuators"] | {"lag": 1.3}, "simulation.seed": 3 * 2**16 + 5}
+        | {"contact": numbers["contact"] | {"damping": 2.7}}
     )
     expected = {name: value for section in numbers.values() for name, value in section.items()}
-    expected |= {"actuator_lag": 1.3, "noise_seed": (3.0, 5.0), "noise_stream": 0.0}
+    expected |= {"contact_damping": 2.7, "actuator_lag": 1.3, "noise_seed": (3.0, 5.0), "noise_stream": 0.0}
     assert scenario.parameters().hardware._asdict() == expected
 
 

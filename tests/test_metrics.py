@@ -87,6 +87,7 @@ def forces(run):
         "contact_loss_fraction": np.mean(force < 0),
         "contact_loss_time": STEP * np.sum(force < 0),
         "contact_loss_depth": max(-force.min(), 0.0),
+        **dict.fromkeys(("airborne_time", "gap_max", "impacts", "impact_force_max"), 0.0),  # of a rigid contact
         "internal_force_max": np.abs(run.constraint_force[:, 1:]).max(),
     }
 
@@ -159,14 +160,14 @@ def sample(force, wheel, position_error=0.0, joint=0.0):
     )
 
 
-def gathered(samples, duration, structure=NORMAL_ROW_ONLY, hardware=IDEAL):
-    """Metrics of hand-made samples, one a second, with the contact normal as the only row."""
+def gathered(samples, duration, structure=NORMAL_ROW_ONLY, hardware=IDEAL, step=1.0):
+    """Metrics of hand-made samples, one each step [s], with the contact normal as the only row."""
     still = Parameters()._replace(reference=Parameters().reference._replace(rate=0.0, arm_rate=0.0))
-    observer = metrics.observer(structure, still._replace(hardware=hardware), duration, step=1.0)
+    observer = metrics.observer(structure, still._replace(hardware=hardware), duration, step)
     total = observer.start
     for t, signals in enumerate(samples):
-        total = observer.update(total, float(t), signals)
-    return metrics.finish(total, duration, step=1.0)
+        total = observer.update(total, t * step, signals)
+    return metrics.finish(total, duration, step)
 
 
 def test_errors_of_angles_are_those_of_directions():
@@ -217,6 +218,26 @@ def test_hand_made_samples():
 )
 def test_settling_time_at_its_ends(errors, settled):
     assert gathered((sample(15.0, 0.0, error) for error in errors), 2.0)["settling_time"] == settled
+
+
+def test_a_tip_that_leaves_and_lands():
+    """Nine samples, 5 ms apart: off the surface at three of them, landed twice, the force highest 15 ms after that."""
+    gaps = [-1e-4, 2e-3, 1e-3, -2e-4, -1e-4, -3e-4, -4e-4, 5e-4, -1e-4]
+    forces = [15.0, 0.0, 0.0, 42.0, 15.0, 78.0, 90.0, 0.0, 15.0]
+    samples = [
+        SimpleNamespace(**(vars(sample(f, 1.0)) | {"constraint_residual": (gap,)})) for f, gap in zip(forces, gaps)
+    ]
+    measured = gathered(samples, 0.04, NORMAL_ROW_ONLY._replace(contact="compliant"), step=5e-3)
+    expected = {
+        "airborne_time": 0.015,
+        "contact_loss_fraction": 1 / 3,
+        "contact_loss_depth": 0.0,
+        "gap_max": 2e-3,
+        "impacts": 2.0,
+        "impact_force_max": 78.0,
+        "constraint_residual_max": 0.0,
+    }
+    assert {name: float(measured[name]) for name in expected} == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("limits", ["torque_limits", "smooth_limits"])

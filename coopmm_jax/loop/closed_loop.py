@@ -7,7 +7,7 @@ import functools
 from coopmm_jax.algebra.types import PyTree, Scalar
 from coopmm_jax.control.controller import motion_control
 from coopmm_jax.loop.devices import device_rates
-from coopmm_jax.loop.force_loop import Instant, act, observe
+from coopmm_jax.loop.force_loop import Instant, act, independent_velocity, observe
 from coopmm_jax.loop.form import Form
 from coopmm_jax.loop.integrate import rk4_step
 from coopmm_jax.loop.state import Signals, State
@@ -30,11 +30,11 @@ def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> 
         The time derivative, as a ``State``, and the ``Signals`` at t.
     """
     truth = plant_kinematics(structure, model, t, state.position, state.velocity)
-    seen = truth
-    if structure.features.surface_motion:
-        seen = kinematics(model, structure.rows, state.position, state.velocity)
+    seen, independent = truth, independent_velocity(structure, truth, state)
+    if structure.features.surface_motion or structure.compliant:
+        seen = kinematics(model, structure.rows, state.position, independent)
     now = Instant(structure, model, t, truth, seen, state)
-    command = motion_control(structure, model, t, seen, state.velocity, state.controller)
+    command = motion_control(structure, model, t, seen, independent, state.controller)
     action = act(now, command)
     rates = State(
         rates_without_drift(truth),

@@ -15,7 +15,7 @@ from coopmm_jax.mechanics import plant
 from coopmm_jax.mechanics.constrained_dynamics import Accelerations
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.model import Model
-from coopmm_jax.mechanics.partitioning import constraint_force
+from coopmm_jax.mechanics.partitioning import constraint_force, parted, partition
 from coopmm_jax.mechanics.robot import by_robot, per_robot
 from coopmm_jax.mechanics.robot_kinematics import actuator_force, actuator_torque, tip_in_platform
 from coopmm_jax.parameters import Structure
@@ -30,6 +30,13 @@ class Instant(NamedTuple):
     truth: Kinematics  # of the plant
     seen: Kinematics  # as the controller measures it
     state: State
+
+
+def independent_velocity(structure: Structure, truth: Kinematics, state: State) -> Vector:
+    """u^1 (n,) of the controller, which takes the contact for rigid, out of the plant's velocities."""
+    if not structure.compliant:
+        return state.velocity
+    return parted(partition(structure.rows), truth.velocity)[0]
 
 
 def act(now: Instant, command: MotionCommand) -> Action:
@@ -68,22 +75,42 @@ def _at_once(now: Instant, command: MotionCommand) -> Action:
     Where that is not so, the error that goes into the integral is that of the force which then really acts.
     """
     structure, model, desired = now.structure, now.model, _desired(now)
-    free = plant.respond(structure, model, now.t, now.truth, command.force)
+    known = _known_error(now)
+    free = plant.respond(structure, model, now.t, now.truth, _with_known_feedback(now, command, known))
     without_feedback = biased(structure, model, plus(free.multipliers, desired))
     error = ideal_force_error(model.gains, without_feedback, desired, now.state.controller.force_integral)
+    error = (*known, *error[len(known) :])
     lambda_h = _feedback(now, error)
     commanded, target = _torques(now, command, lambda_h)
     if _solution_is_exact(structure):
         # J^T lambda_h moves nothing and adds to the multipliers one for one, so no second solve is needed.
-        moved = free._replace(multipliers=plus(free.multipliers, lambda_h))
+        added = (*(0 for _ in known), *lambda_h[len(known) :])
+        moved = free._replace(multipliers=plus(free.multipliers, added))
         return Action(error, commanded, target, target, moved)
     moved = _response(now, target)
     return Action(_error(now, moved.multipliers), commanded, target, target, moved)
 
 
+def _known_error(now: Instant) -> Vector:
+    """Error (1,) of a compliant contact's force [N], known before any torque is; none, (0,), where it is rigid."""
+    if now.truth.touch is None:
+        return ()
+    return minus(biased(now.structure, now.model, (now.truth.touch.force,)), _desired(now)[:1])
+
+
+def _with_known_feedback(now: Instant, command: MotionCommand, known: Vector) -> Pair[Vector]:
+    """F less what the force loop does about the errors known (m,) [N], on each robot (5,)."""
+    if not known:
+        return command.force
+    feedback = _feedback(now, (*known, *_desired(now)[len(known) :]))[: len(known)]
+    others = (0,) * (len(now.structure.rows) - len(known))
+    return per_robot(minus, command.force, constraint_force(now.seen.reduction, (*feedback, *others)))
+
+
 def _solution_is_exact(structure: Structure) -> bool:
+    """True if the solution holds; friction of a compliant tip does not depend on the torque."""
     features = structure.features
-    return not (features.limits or features.noise or features.tip_friction)
+    return not (features.limits or features.noise or (features.tip_friction and not structure.compliant))
 
 
 def _desired(now: Instant) -> Vector:
@@ -123,8 +150,10 @@ def observe(now: Instant, sigma: Vector, action: Action) -> Signals:
         force_error=minus(lam, _desired(now)),
         torque=action.applied,
         commanded=action.commanded,
-        constraint_residual=truth.reduction.rows.phi,
+        constraint_residual=truth.reduction.rows.phi
+        if truth.touch is None
+        else (truth.touch.gap, *truth.reduction.rows.phi),
         tip=per_robot(tip_in_platform, now.model.geometry, now.state.position, truth.bodies.arm),
         contact_point=truth.reduction.rows.contact_point,
-        determinants=truth.reduction.determinants,
+        determinants=(now.seen if truth.touch else truth).reduction.determinants,
     )

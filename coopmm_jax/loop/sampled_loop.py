@@ -12,7 +12,7 @@ from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
 from coopmm_jax.control.controller import ControllerState, motion_control
 from coopmm_jax.control.reference import desired_force
 from coopmm_jax.loop.devices import Noise, draw_noise, sense, torque_rates
-from coopmm_jax.loop.force_loop import Instant, act, observe
+from coopmm_jax.loop.force_loop import Instant, act, independent_velocity, observe
 from coopmm_jax.loop.form import Form
 from coopmm_jax.loop.integrate import recomputed, rk4_hold
 from coopmm_jax.loop.state import Signals, State
@@ -84,9 +84,9 @@ def _measure(
 ) -> tuple[Kinematics, Vector, Noise | None]:
     """The robots' state as the controller measures it, and the sample's noise."""
     noise = draw_noise(structure, model, sample) if structure.features.noise else None
-    if noise is None and not structure.features.surface_motion:
-        return truth, state.velocity, None
-    position, independent = state.position, state.velocity
+    position, independent = state.position, independent_velocity(structure, truth, state)
+    if noise is None and not (structure.features.surface_motion or structure.compliant):
+        return truth, independent, None
     if noise is not None:
         position = per_robot(lambda p, error: Position(*plus(p, error)), position, noise.position)
         independent = plus(independent, noise.velocity)

@@ -7,10 +7,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.types import Pair, Scalar
+from coopmm_jax.algebra.matrix import plus
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control.controller import at_rest
+from coopmm_jax.control.reference import desired_force
 from coopmm_jax.loop.devices import initial_devices
 from coopmm_jax.loop.state import State
+from coopmm_jax.mechanics.compliant_contact import pressed_in
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import dependent_solution, partition
@@ -36,19 +39,31 @@ def initial_state(structure: Structure, model: Model, parameters: Parameters) ->
     n = sum(map(len, partition(structure.rows).independent))
     zero = parameters.plant.gravity * 0.0
     still = (zero,) * n
+    rigid = structure._replace(contact="rigid")
+    pressed = _pressed_in(structure, model)
 
-    def solve(position: Pair[Position]) -> Kinematics:
-        return plant_kinematics(structure, model, zero, position, still)
+    def solve(position: Pair[Position]) -> tuple[Kinematics, Vector]:
+        k = plant_kinematics(rigid, model, zero, position, still)
+        return k, plus(k.reduction.rows.phi, pressed)
 
     def newton(position: Pair[Position], _: None) -> tuple[Pair[Position], None]:
-        k = solve(position)
-        return per_robot(arm_moved, position, dependent_solution(k.reduction, k.reduction.rows.phi)), None
+        k, residual = solve(position)
+        return per_robot(arm_moved, position, dependent_solution(k.reduction, residual)), None
 
     position, _ = jax.lax.scan(newton, per_robot(chained, parameters.start), None, length=_NEWTON_STEPS)
-    reduction = solve(position).reduction
-    residual = jnp.abs(reduction.rows.phi[0])
-    for phi in reduction.rows.phi[1:]:
+    k, residuals = solve(position)
+    residual = jnp.abs(residuals[0])
+    for phi in residuals[1:]:
         residual = jnp.maximum(residual, jnp.abs(phi))
     controller = at_rest(parameters.gains, n, len(structure.rows), zero)
-    state = State(position, still, controller, initial_devices(structure, zero))
-    return Start(state, residual, reduction.determinants)
+    velocity = (zero,) * sum(map(len, partition(structure.plant_rows).independent))
+    state = State(position, velocity, controller, initial_devices(structure, zero))
+    return Start(state, residual, k.reduction.determinants)
+
+
+def _pressed_in(structure: Structure, model: Model) -> Vector:
+    """Depth of each row (m,) [m] at which the desired force holds a compliant contact; a constraint has none."""
+    if not structure.compliant:
+        return (0,) * len(structure.rows)
+    desired = desired_force(model.reference, structure.rows)[0]
+    return (pressed_in(model.hardware, desired), *(0,) * (len(structure.rows) - 1))

@@ -44,6 +44,8 @@ class ArcContact(NamedTuple):
             scaled(1.0 / Rc, plus(scaled(self.D2[0], e2), scaled(self.D2[1], n_centre))),
         )
 
+    distance_row = normal_row  # which has all derivatives
+
     def phi_rates(self, motion: SurfaceMotion) -> tuple[Scalar, Scalar]:
         """dphi/dt and d2phi/dt2 at fixed robots [m/s, m/s^2]."""
         Rc, radius, rate = self.radius, self.radius + motion.shift, motion.rate

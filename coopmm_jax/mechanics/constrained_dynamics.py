@@ -116,6 +116,8 @@ def _moved_from_rest(
         solved = cholesky_solve(inertia, *chain.gap.rows, *(chain.joints.T @ push[i] for push in pushes))
         closing.append(Matrix(solved[:drives]).T)
         free.append(solved[drives:])
+    if not drives:  # nothing ties the chains: the contact is compliant, and no groove levels the tips
+        return [per_robot(lambda c, v, i=i: c.joints @ v[i], chains, free) for i in range(len(pushes))]
     first, second = (chain.gap @ each for chain, each in zip(chains, closing, strict=True))
     gaps = (plus(*(chain.gap @ v for chain, v in zip(chains, both, strict=True))) for both in zip(*free, strict=True))
     forces = cholesky_solve(first + second, *gaps)

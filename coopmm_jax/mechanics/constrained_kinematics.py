@@ -7,6 +7,7 @@ from typing import NamedTuple
 from coopmm_jax.algebra.matrix import Matrix, plus
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.mechanics import robot_dynamics
+from coopmm_jax.mechanics.compliant_contact import Touch
 from coopmm_jax.mechanics.constraints import Bodies, bodies, constraint_rows, convective
 from coopmm_jax.mechanics.contact_surface import SurfaceMotion
 from coopmm_jax.mechanics.model import Model
@@ -25,6 +26,7 @@ class Kinematics(NamedTuple):
     velocity: Pair[Vector]  # u = L u^1 of each robot (5,)
     factors: Pair[Factors]
     L_rate: Pair[Vector]  # Ldot u^1 of each robot (5,)
+    touch: Touch | None = None  # of a compliant contact
 
 
 def kinematics(

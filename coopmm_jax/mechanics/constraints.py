@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from coopmm_jax.algebra.matrix import Matrix, dot, plus, scaled, sub
-from coopmm_jax.algebra.types import Pair, Vector
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.mechanics import robot_kinematics
 from coopmm_jax.mechanics.arc_contact import ArcContact, arc_contact
 from coopmm_jax.mechanics.contact_surface import SurfaceMotion
@@ -80,9 +80,15 @@ def constraint_rows(surface: Surface, names: tuple[str, ...], b: Bodies, motion:
         ),
         "guide_height": (b.arm[1].height - surface.guide_height, none, up2),
     }
-    phi, J1, J2 = zip(*(table[name] for name in names), strict=True)
+    phi, J1, J2 = tuple(zip(*(table[name] for name in names), strict=True)) or ((),) * 3
     contacts = sum(name.startswith("contact") for name in names)
     return Rows(phi, (Matrix(J1) @ b.T[0], Matrix(J2) @ b.T[1]), contacts, at.point)
+
+
+def distance_row(b: Bodies, motion: SurfaceMotion | None = None) -> tuple[Scalar, Pair[Vector]]:
+    """phi [m] of the contact's normal row, on the surface or off it, and its Jacobian in u, (5,) of each robot."""
+    phi, *rows = b.contact.distance_row(b.tip, motion)
+    return phi, per_robot(lambda T, row: T.T @ row, b.T, rows)
 
 
 def sliding_rows(b: Bodies) -> Pair[Vector]:

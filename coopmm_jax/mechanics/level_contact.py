@@ -10,6 +10,7 @@ beside F and its rate, which vanish in contact.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -37,13 +38,27 @@ class LevelContact(NamedTuple):
     def normal_row(self, tip: Pair, motion: SurfaceMotion | None) -> NormalRow:
         """phi = F/|grad F| and its gradients; ``tip`` holds both tips' rows (5,) along e, n and up."""
         level = self.level if motion is None else self.level + motion.shift
+        inverse = 1.0 / self.size
+        return level * inverse, *self._rows(tip, scaled(inverse, self.gradient), scaled(inverse, self.gradient1))
+
+    def distance_row(self, tip: Pair, motion: SurfaceMotion | None) -> NormalRow:
+        """``normal_row`` with all derivatives of phi [m], off the surface too: the potential of an elastic force."""
+
+        def phi(e: Scalar, n: Scalar) -> Scalar:
+            level, *gradient = _value_and_gradient(self.shape.level, e, n)
+            return (level if motion is None else level + motion.shift) / _size(gradient)
+
+        value, *gradient = _value_and_gradient(phi, *self.point)
+        return value, *self._rows(tip, gradient, to_arm1(self.turn, tuple(gradient)))
+
+    def _rows(self, tip: Pair, gradient: Sequence[Scalar], gradient1: Vector) -> Pair[Vector]:
+        """Gradient along arm II's axes, and along arm I's, as rows (5,) in the body rates of both robots."""
         (e1, n1, _), (e2, n2, _) = tip
-        (g, h), X, inverse = self.gradient, self.point, 1.0 / self.size
+        (g, h), X = gradient, self.point
         turning = (0, 0, g * X[1] - h * X[0], 0, 0)  # X turns against arm II
         return (
-            level * inverse,
-            scaled(inverse, plus(scaled(self.gradient1[0], e1), scaled(self.gradient1[1], n1))),
-            scaled(inverse, minus(turning, plus(scaled(g, e2), scaled(h, n2)))),
+            plus(scaled(gradient1[0], e1), scaled(gradient1[1], n1)),
+            minus(turning, plus(scaled(g, e2), scaled(h, n2))),
         )
 
     def phi_rates(self, motion: SurfaceMotion) -> tuple[Scalar, Scalar]:
@@ -82,7 +97,18 @@ def level_contact(shape: Shape, position: Pair[Position], tips: Pair[Vector]) ->
     """Place of tip I against a surface; ``tips`` are (2,) [m], as ``arc_contact`` takes them."""
     turn, (tip1, tip2) = arms_apart(position), tips
     X = minus(to_arm2(turn, tip1), tip2)
-    one = X[0] * 0.0 + 1.0
-    level, g = jax.jvp(lambda e: shape.level(e, X[1]), (X[0],), (one,))
-    _, h = jax.jvp(lambda n: shape.level(X[0], n), (X[1],), (one,))
-    return LevelContact(shape, X, turn, tip2, level, (g, h), to_arm1(turn, (g, h)), jnp.sqrt(dot((g, h), (g, h))))
+    level, *gradient = _value_and_gradient(shape.level, *X)
+    g, h = gradient
+    return LevelContact(shape, X, turn, tip2, level, (g, h), to_arm1(turn, (g, h)), _size(gradient))
+
+
+def _value_and_gradient(function: Callable[[Scalar, Scalar], Scalar], e: Scalar, n: Scalar) -> Vector:
+    """Value of a function of (e, n), and its derivative along each."""
+    one = e * 0.0 + 1.0
+    value, g = jax.jvp(lambda e: function(e, n), (e,), (one,))
+    _, h = jax.jvp(lambda n: function(e, n), (n,), (one,))
+    return value, g, h
+
+
+def _size(gradient: Sequence[Scalar]) -> Scalar:
+    return jnp.sqrt(dot(gradient, gradient))

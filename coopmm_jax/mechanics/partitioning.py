@@ -1,8 +1,9 @@
 """Coupling of the robots: the map L of (10) from the independent velocities u^1 to all of them, and its uses.
 
-Each constraint row makes one joint dependent: contact rows (a2, a3) of robot I (a3 alone when only the normal row is
-left: at the nominal posture sin A + sin B = 0, so a2 does not move the normal row there), guide rows (a2, a3) of robot
-II. J is block triangular over the dependent joints because the guide does not see robot I,
+Each constraint row makes one joint dependent: contact rows (a2, a3) of robot I (a3 alone when only one of them is left:
+at the nominal posture sin A + sin B = 0, so a2 does not move the normal row there), guide rows (a2, a3) of robot II;
+where the contact is compliant, the plant may have neither. J is block triangular over the dependent joints because the
+guide does not see robot I,
 
     J_dep = [[N1, N2], [0, G2]],
 
@@ -40,10 +41,8 @@ def partition(rows: tuple[str, ...]) -> Partition:
     >>> partition(("contact_normal",)).dependent
     ((4,), ())
     """
-    dependent = (
-        PITCH_JOINTS if "contact_height" in rows else PITCH_JOINTS[1:],
-        PITCH_JOINTS if "guide_radial" in rows else (),
-    )
+    contacts = sum(name.startswith("contact") for name in rows)
+    dependent = per_robot(lambda own: PITCH_JOINTS[len(PITCH_JOINTS) - own :], (contacts, len(rows) - contacts))
     independent = per_robot(lambda taken: tuple(j for j in range(JOINTS) if j not in taken), dependent)
     return Partition(independent, dependent)
 
@@ -73,8 +72,10 @@ def reduce(rows: Rows, names: tuple[str, ...]) -> Reduction:
     part = partition(names)
     contact, guide = slice(0, rows.contacts), slice(rows.contacts, None)
     J1, J2 = rows.J
-    N1_inverse, determinant = inverse_small(_columns(J1, contact, part.dependent[0]))
-    determinants = (determinant,)
+    N1_inverse, determinants = _NOTHING, ()
+    if part.dependent[0]:
+        N1_inverse, determinant = inverse_small(_columns(J1, contact, part.dependent[0]))
+        determinants = (determinant,)
     at_contact = _columns(J2, contact, part.independent[1])
     R2, N_II, carried, G2_inverse = _NOTHING, _NOTHING, _NOTHING, _NOTHING
     if part.dependent[1]:
@@ -107,7 +108,7 @@ def _drives(right: Matrix, inverse: Matrix) -> Pair[Matrix]:
 
 def of_each_robot(reduction: Reduction, drives: Sequence[T]) -> Pair[tuple[T, ...]]:
     """Values of the drives, as those of each robot."""
-    first = len(reduction.N[0].rows[0])
+    first = len(reduction.N[0].rows[0]) if reduction.N[0].rows else 0
     return tuple(drives[:first]), tuple(drives[first:])
 
 
@@ -223,6 +224,8 @@ def multipliers(reduction: Reduction, residual: Pair[Vector]) -> Vector:
     contact = reduction.N1_inverse.T @ first
     if not second:
         return contact
+    if not contact:
+        return reduction.G2_inverse.T @ second
     return contact + plus(reduction.G2_inverse.T @ second, reduction.carried.T @ contact)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from coopmm_jax.algebra.matrix import minus, plus, scaled
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.mechanics.compliant_contact import contact_push, touch
 from coopmm_jax.mechanics.constrained_dynamics import Accelerations, constrained_accelerations
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics, kinematics
 from coopmm_jax.mechanics.contact_surface import surface_motion
@@ -29,14 +30,17 @@ DRIFT_RATE = 10.0
 def plant_kinematics(
     structure: Structure, model: Model, t: Scalar, position: Pair[Position], independent: Vector
 ) -> Kinematics:
-    """The true constrained motion (10) at t [s], moving surface included; ``independent`` is u^1 (n,)."""
-    moving = structure.features.surface_motion
-    motion = surface_motion(model.hardware, t) if moving else None
-    return kinematics(model, structure.rows, position, independent, motion)
+    """The true constrained motion (10) at t [s], moving surface included; ``independent`` is u^1 of the plant (n,)."""
+    motion = surface_motion(model.hardware, t) if structure.features.surface_motion else None
+    k = kinematics(model, structure.plant_rows, position, independent, motion)
+    return k._replace(touch=touch(model.hardware, k.bodies, k.velocity, motion)) if structure.compliant else k
 
 
 def respond(structure: Structure, model: Model, t: Scalar, k: Kinematics, force: Pair[Vector]) -> Accelerations:
-    """Accelerations and multipliers under a generalised actuator force B tau of each robot (5,), at t [s]."""
+    """Accelerations and multipliers under a generalised actuator force B tau of each robot (5,), at t [s].
+
+    The multipliers are those of all rows, the force of a compliant contact among them.
+    """
     opposing = disturbing(model.disturbance, t)
 
     def driving(exerted: Vector, geometry: Geometry, position: Position, u: Vector, losses: Vector | None) -> Vector:
@@ -50,7 +54,10 @@ def respond(structure: Structure, model: Model, t: Scalar, k: Kinematics, force:
     if opposing.force is not None:
         left = left[0], plus(left[1], force_on_joints(opposing.force, k))
     friction = tip_friction(model, k) if structure.features.tip_friction else None
-    return constrained_accelerations(model, k, left, friction)
+    if k.touch is None:
+        return constrained_accelerations(model, k, left, friction)
+    moved = constrained_accelerations(model, k, per_robot(plus, left, contact_push(k.touch, friction)))
+    return moved._replace(multipliers=(k.touch.force, *moved.multipliers))
 
 
 def rates_without_drift(k: Kinematics) -> Pair[Position]:

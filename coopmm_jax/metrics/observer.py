@@ -61,6 +61,7 @@ REDUCTIONS = {
     "max": Reduction("max", lambda gathered, extent: gathered),
     "min": Reduction("min", lambda gathered, extent: gathered),
     "mean": Reduction("sum", lambda gathered, extent: gathered / extent.values),
+    "count": Reduction("sum", lambda gathered, extent: gathered),
     "time": Reduction("sum", lambda gathered, extent: gathered * extent.step),
     "root_mean": Reduction("sum", lambda gathered, extent: _root(gathered / extent.values)),
     "root_max": Reduction("max", lambda gathered, extent: _root(gathered)),

@@ -14,7 +14,7 @@ from coopmm_jax.control.reference import desired_motion
 from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS, WHEELS
-from coopmm_jax.metrics.table import SETTLED
+from coopmm_jax.metrics.table import IMPACT, SETTLED
 from coopmm_jax.parameters import Hardware, Parameters, Reference, Structure, Surface
 
 # Quantities that are sums over several entries, and how many: a mean is one over all of them.
@@ -39,18 +39,31 @@ class Errors(NamedTuple):
         return sum(self[:-2])
 
 
+class Touching(NamedTuple):
+    """Tip on a compliant surface, or off it, at a sample."""
+
+    gap: Scalar  # phi of the normal row [m]
+    since: Scalar  # samples since the tip last landed; infinity before
+
+    def landed(self) -> Bool:
+        """True if this sample is the first after a landing."""
+        return self.since == 0.0
+
+
 class Past(NamedTuple):
     """Earlier samples, as far as a later one needs them."""
 
     torque: Vector  # of the sample before, all actuators, wheels first [N m]
     determinants: Vector  # |det J_dep| of each arm with dependent joints, at the first sample
+    touching: Touching | None  # at the sample before; None where the contact is rigid
 
 
 def no_past(structure: Structure) -> Past:
     """The past of the first sample: torques (10,), determinants (1,) or (2,)."""
     zero = jnp.zeros((), jnp.result_type(float))
     arms = 2 if "guide_radial" in structure.rows else 1
-    return Past((zero,) * (ROBOTS * ACTUATORS), (zero,) * arms)
+    touching = Touching(zero, zero + jnp.inf) if structure.compliant else None
+    return Past((zero,) * (ROBOTS * ACTUATORS), (zero,) * arms, touching)
 
 
 def past_after(past: Past, first: Bool, signals: Signals) -> Past:
@@ -63,7 +76,12 @@ def past_after(past: Past, first: Bool, signals: Signals) -> Past:
     """
     both = zip(past.determinants, signals.determinants, strict=True)
     determinants = tuple(jnp.where(first, jnp.abs(now), before) for before, now in both)
-    return Past(_torques(signals), determinants)
+    touching = past.touching
+    if touching is not None:
+        gap = signals.constraint_residual[0]
+        landed = (touching.gap > 0.0) & (gap <= 0.0)
+        touching = Touching(gap, jnp.where(landed, 0.0, touching.since + 1.0))
+    return Past(_torques(signals), determinants, touching)
 
 
 def squared_errors(reference: Reference, surface: Surface, t: Scalar, signals: Signals) -> Errors:
@@ -112,6 +130,7 @@ def quantities(
         "tracking_squared": errors.tracking,
         "unsettled_until": jnp.where(errors.tracking > SETTLED**2, t + step, 0.0),
         **_forces(structure, signals),
+        **_opening(structure, step, signals, now.touching),
         "torque_squared": dot(now.torque, now.torque),
         "torque_size": largest_size(now.torque),
         "saturated": _saturated(structure, parameters.hardware, signals),
@@ -119,7 +138,9 @@ def quantities(
         "wheel_torque_change": sum(change[: ROBOTS * WHEELS]),
         "joint_torque_change": sum(change[ROBOTS * WHEELS :]),
         "c_hat": largest_size(signals.controller.c_hat),
-        "constraint_residual": largest_size(signals.constraint_residual),
+        "constraint_residual": largest_size(
+            signals.constraint_residual[len(structure.rows) - len(structure.plant_rows) :]
+        ),
         "determinant": functools.reduce(jnp.minimum, ratios),
     }
 
@@ -130,9 +151,24 @@ def _forces(structure: Structure, signals: Signals) -> dict[str, Scalar]:
     return {
         "force_error_squared": signals.force_error[contact] ** 2,
         "contact_force": force,
-        "contact_lost": jnp.where(force < 0.0, jnp.ones_like(force), 0.0),
         "pull": jnp.maximum(-force, 0.0),
         "internal_force": internal_force(structure, signals),
+    }
+
+
+def _opening(structure: Structure, step: Scalar, signals: Signals, touching: Touching | None) -> dict[str, Scalar]:
+    """Contact that is lost: a rigid one would have to pull, a compliant one opens and closes again."""
+    force = signals.constraint_force[structure.rows.index("contact_normal")]
+    if touching is None:
+        lost = jnp.where(force < 0.0, jnp.ones_like(force), 0.0)
+        return {"contact_lost": lost, "airborne": 0.0, "gap": 0.0, "landing": 0.0, "impact_force": 0.0}
+    airborne = jnp.where(touching.gap > 0.0, 1.0, 0.0)
+    return {
+        "contact_lost": airborne,
+        "airborne": airborne,
+        "gap": jnp.maximum(touching.gap, 0.0),
+        "landing": jnp.where(touching.landed(), 1.0, 0.0),
+        "impact_force": jnp.where((touching.since - 0.5) * step < IMPACT, force, 0.0),
     }
 
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 WHOLE, LATE = "whole", "late"
 LATE_FROM = 0.75  # the late window begins with the sample nearest to this fraction of the horizon
+IMPACT = 0.01  # [s] from a landing of the tip on
 SETTLED = 0.01  # tracking error above which a rollout has not settled
 
 
@@ -39,8 +40,10 @@ def _of_error(stem: str, robot: str, unit: str, meaning: str) -> Iterator[Metric
 
 _TRACKING = "tracking error (norm of all heading, position and arm errors)"
 _FORCE, _FORCE_ERROR = "normal contact force", "normal contact force less the desired one"
+_LOST = f"samples with a negative {_FORCE}, or the tip off a compliant surface"
 _TORQUES = "torques of all ten actuators"
 _WHEELS, _JOINTS = "torques of the four wheels", "torques of the six arm joints"
+_YIELDS = "a compliant surface; 0 of a rigid one"
 
 # Samples are the steps (control periods of a sampled loop) 0, 1, ..., up to the horizon or a failure.
 _TABLE = (
@@ -77,14 +80,14 @@ _TABLE = (
     Metric(
         "contact_loss_fraction",
         "-",
-        f"samples with a negative {_FORCE}, of all samples",
+        f"{_LOST}, of all samples",
         "contact_lost",
         "mean",
     ),
     Metric(
         "contact_loss_time",
         "s",
-        f"number of samples with a negative {_FORCE}, times the step",
+        f"number of {_LOST}, times the step",
         "contact_lost",
         "time",
     ),
@@ -93,6 +96,16 @@ _TABLE = (
         "N",
         "largest pull that would be needed to keep the contact; 0 without contact loss",
         "pull",
+        "max",
+    ),
+    Metric("airborne_time", "s", f"number of samples with the tip off {_YIELDS}, times the step", "airborne", "time"),
+    Metric("gap_max", "m", f"largest distance of the tip from {_YIELDS}", "gap", "max"),
+    Metric("impacts", "-", f"number of times that the tip lands on {_YIELDS}", "landing", "count"),
+    Metric(
+        "impact_force_max",
+        "N",
+        f"largest {_FORCE} within {IMPACT:g} s of the tip's landing on {_YIELDS}",
+        "impact_force",
         "max",
     ),
     Metric(

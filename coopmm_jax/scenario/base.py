@@ -99,6 +99,7 @@ class BaseScenario(HardwareSections):
             substeps=self.loop.substeps(self.simulation),
             force_delay=self.sensing.force_delay,
             features=self.features(varied),
+            contact=self.contact.model,
         )
 
     def parameters(self) -> Parameters:

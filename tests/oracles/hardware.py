@@ -54,11 +54,16 @@ class Moved(NamedTuple):
         return self.shape.level(e, n) + self.shift
 
 
+def surface_shift(hardware: Hardware, t: Scalar) -> jax.Array:
+    """Distance by which the surface has given way [m]."""
+    return hardware.surface_amplitude * jnp.sin(hardware.surface_frequency * t + hardware.surface_phase)
+
+
 def plant_now(plant: Plant, hardware: Hardware, t: Scalar) -> Plant:
     """Plant with its surface where it is at t [s]; an arc's row sees the motion in its rates alone."""
     if plant.surface.shape is None:
         return plant
-    shift = hardware.surface_amplitude * float(np.sin(hardware.surface_frequency * t + hardware.surface_phase))
+    shift = float(surface_shift(hardware, t))
     return plant._replace(surface=plant.surface._replace(shape=Moved(plant.surface.shape, shift)))
 
 
@@ -73,9 +78,11 @@ def sliding_speed(plant: Plant, q: jax.Array, u: jax.Array) -> jax.Array:
 
     (p1, v1), (p2, v2) = map(tip, plant.geometry, q, u.reshape(2, 5))
     yaw = q[1, 2] + q[1, 3]
-    outward = -jax.grad(lambda p: lagrangian.normal_residual(plant.surface, p - p2, yaw))(p1)
-    if plant.surface.shape is not None:
-        outward = outward / jnp.linalg.norm(outward)
+    if plant.surface.shape is None:
+        outward = -jax.grad(lambda p: lagrangian.normal_residual(plant.surface, p - p2, yaw))(p1)
+    else:
+        gradient = jax.grad(lambda p: lagrangian.level(plant.surface.shape, p - p2, yaw))(p1)
+        outward = -gradient / jnp.linalg.norm(gradient)
     quarter = jnp.array([[0.0, -1.0], [1.0, 0.0]])
     against_surface = v1 - v2 - (u[5] + u[7]) * quarter @ (p1 - p2)
     return against_surface @ quarter @ outward
@@ -92,7 +99,7 @@ def surface_rates(plant: Plant, hardware: Hardware, t: Scalar, q: jax.Array) -> 
     p1, p2 = (lagrangian.bodies(geometry, q_i).tip[:2] for geometry, q_i in zip(plant.geometry, q, strict=True))
 
     def phi(t: Scalar) -> jax.Array:
-        shift = hardware.surface_amplitude * jnp.sin(hardware.surface_frequency * t + hardware.surface_phase)
+        shift = surface_shift(hardware, t)
         if plant.surface.shape is None:
             return (plant.surface.contact_radius + shift) ** 2 / (2 * plant.surface.contact_radius)
         gradient = jax.grad(lambda p: lagrangian.level(plant.surface.shape, p - p2, q[1, 2] + q[1, 3]))(p1)

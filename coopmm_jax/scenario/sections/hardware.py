@@ -71,13 +71,22 @@ class ActuatorsSection(Section):
 
 
 class ContactSection(Section):
-    """[contact]: friction of the sliding tip and the motion of the object's surface, unknown to the controller."""
+    """[contact]: how the object's surface yields, rubs and moves, unknown to the controller."""
 
-    tip_friction: NotNegative = quantity(_hardware.tip_friction, "Coulomb coefficient along the arc [-]")
+    model: Literal["rigid", "compliant"] = quantity(
+        "rigid", "a constraint, which could pull as well, or a stiff surface that the tip can leave"
+    )
+    penetration: Positive = quantity(_hardware.penetration, "of the tip into a compliant surface at 15 N [m]")
+    damping: NotNegative = quantity(
+        _hardware.contact_damping, "share of a compliant surface's force for each m/s of the tip's speed into it [s/m]"
+    )
+    tip_friction: NotNegative = quantity(_hardware.tip_friction, "Coulomb coefficient along the surface [-]")
     slip_speed: Positive = quantity(_hardware.slip_speed, "sliding speed below which it fades [m/s]")
-    surface_amplitude: Finite = quantity(_hardware.surface_amplitude, "a of the radius Rc + a sin(w t + phase) [m]")
-    surface_frequency: Finite = quantity(_hardware.surface_frequency, "w of the arc's radius [rad/s]")
-    surface_phase: Finite = quantity(_hardware.surface_phase, "phase of the arc's radius [rad]")
+    surface_amplitude: Finite = quantity(
+        _hardware.surface_amplitude, "a of a sin(w t + phase), by which it gives way [m]"
+    )
+    surface_frequency: Finite = quantity(_hardware.surface_frequency, "w of the surface's motion [rad/s]")
+    surface_phase: Finite = quantity(_hardware.surface_phase, "phase of the surface's motion [rad]")
 
 
 class HardwareSections(Section):
@@ -92,10 +101,12 @@ class HardwareSections(Section):
         """Every number of the four sections, as a rollout takes them."""
         sensing = {k: v for k, v in self.sensing if k != "force_delay"}
         actuators = {k: v for k, v in self.actuators if k not in ("limit_form", "lag")}
+        contact = {k: v for k, v in self.contact if k not in ("model", "damping")}
         return parameters.Hardware(
             **sensing,
             **actuators,
-            **dict(self.contact),
+            **contact,
+            contact_damping=self.contact.damping,
             actuator_lag=self.actuators.lag,
             noise_seed=(float(seed >> 16), float(seed & 0xFFFF)),
             noise_stream=float(stream),
@@ -142,7 +153,7 @@ class HardwareSections(Section):
         if self.sensing.force_lag > 0.0 or self.sensing.force_delay > 0:
             return self
         must = "above 0 (or force_delay) where {} is used"
-        if self.contact.tip_friction > 0.0 and self.actuators.lag == 0.0:
+        if self.contact.tip_friction > 0.0 and self.actuators.lag == 0.0 and self.contact.model == "rigid":
             # Friction moves with the force it is asked to change, so an instantaneous force loop has no plain solution.
             raise UserError("sensing.force_lag", must.format("contact.tip_friction"), 0.0)
         if self.sensing.force_noise > 0.0:
