@@ -49,7 +49,7 @@ class Surface(NamedTuple):
     contact_radius: Scalar = 0.7  # Rc of the concave arc
     guide_radius: Scalar = 1.7  # radius of the object's circle
     guide_height: Scalar = 1.0  # height of the object
-    shape: PyTree = None  # of another surface than the arc (``mechanics/surfaces.py``)
+    shape: PyTree = None  # of another surface than the arc (``kinds/surfaces.py``)
 
 
 class Plant(NamedTuple):

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from coopmm_jax.kinds.surfaces import Conic, Plane, Profile
 from coopmm_jax.mechanics import robot_kinematics
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.partitioning import dependent_solution
-from coopmm_jax.mechanics.surfaces import Conic, Plane, Profile
 from coopmm_jax.parameters import ALL_ROWS, Geometry, Inertia, Parameters, Plant, Pose, Surface
 from tests.oracles import lagrangian
 

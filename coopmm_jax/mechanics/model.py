@@ -63,10 +63,12 @@ def nominal_posture(parameters: Parameters) -> Pair[Vector]:
     """(a2, a3) of each robot when every reference is met: what a joint that no row fixes is asked to hold.
 
     Robot II's arm works over its back (arm yaw pi/2 points at the centre), so its reach is the platform's radius less
-    the object's; robot I reaches Rc to the object's surface. Elbows stay on the side they start on.
+    the object's; robot I reaches Rc to the object's arc, and to the middle of another surface what is between its
+    platform's radius and the object's. Elbows stay on the side they start on.
     """
-    plant, surface = parameters.plant, parameters.plant.surface
-    reaches = (surface.contact_radius, parameters.reference.radius[1] - surface.guide_radius)
+    plant, surface, radius = parameters.plant, parameters.plant.surface, parameters.reference.radius
+    to_surface = surface.contact_radius if surface.shape is None else radius[0] - surface.guide_radius
+    reaches = (to_surface, radius[1] - surface.guide_radius)
 
     def angles(g: Geometry, reach: Scalar, start: Pose) -> Vector:
         return arm_angles(g, reach, surface.guide_height - 2.0 * g.l1, wrapped(start.a3))

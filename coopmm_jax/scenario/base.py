@@ -116,7 +116,8 @@ class BaseScenario(HardwareSections):
 
     def _plant(self) -> Plant:
         values, coupling = dict(self.plant), self.coupling
-        surface = Surface(coupling.contact_radius, coupling.guide_radius, coupling.guide_height)
+        shape = coupling.surface.numbers() if coupling.surface else None
+        surface = Surface(coupling.contact_radius, coupling.guide_radius, coupling.guide_height, shape)
         return Plant(_per_robot(Geometry, values), _inertias(values), surface, self.plant.gravity)
 
     def _nominal(self) -> tuple[Inertia, Inertia]:

@@ -8,13 +8,15 @@ A field's name is its symbol in ``parameters.py``, which also holds the defaults
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import field_validator
+from pydantic import BeforeValidator, SerializeAsAny, field_validator
 
 from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.surfaces import SURFACE
 from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, Positive, Section, quantity
+from coopmm_jax.scenario.kind_sections import Chosen, KindSection
 
 _geometry, _inertia, _surface = parameters.Geometry(), parameters.Inertia(), parameters.Surface()
 _plant, _rows = parameters.Plant(), parameters.Structure().rows
@@ -44,13 +46,19 @@ class PlantSection(Section):
     gravity: NotNegative = quantity(_plant.gravity, "gravitational acceleration [m/s^2]")
 
 
+AnySurface = Annotated[SerializeAsAny[KindSection], BeforeValidator(Chosen(SURFACE.name))]
+
+
 class CouplingSection(Section):
     """[coupling]: the constraint rows in force and the geometry they act on."""
 
     rows: tuple[str, ...] = quantity(
         _rows, "constraint rows in force: contact_normal, then contact_height and both guide rows if wanted"
     )
-    contact_radius: Positive = quantity(_surface.contact_radius, "radius of the object's concave arc, Rc [m]")
+    contact_radius: Positive = quantity(
+        _surface.contact_radius, "radius of the object's concave arc, Rc, where there is no other surface [m]"
+    )
+    surface: AnySurface | None = quantity(None, "the object's surface, in the place of the arc")
     guide_radius: Positive = quantity(_surface.guide_radius, "radius of the circle that guides the object [m]")
     guide_height: Finite = quantity(_surface.guide_height, "height at which the object is guided [m]")
 

@@ -1,0 +1,88 @@
+"""Surfaces of the object: their shapes, what scenario files say of them, and the arc as one of many."""
+
+import jax
+import numpy as np
+import pytest
+
+import coopmm_jax as cm
+from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.surfaces import Arc, Conic, Plane, Profile
+from coopmm_jax.mechanics import plant
+from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.mechanics.surfaces import shape_of
+from coopmm_jax.parameters import Features, Hardware, Parameters, Structure, Surface
+from tests.samples import SHAPES, assert_close, at_surface, joined, positions, vector
+
+EVERY = SHAPES | {"convex circle": Arc(-0.5), "hollow circle": Arc(0.7)}
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_level_and_points_belong_together(name):
+    shape = EVERY[name]
+    for n in (-0.4, -0.1, 0.0, 0.2, 0.45):
+        assert float(shape.level(shape.along(n), n)) == pytest.approx(0.0, abs=1e-16)
+    level, gradient = jax.value_and_grad(lambda x: shape.level(*x))((0.0, 0.0))
+    assert (float(level), *map(float, gradient)) == (0.0, -1.0, 0.0)
+
+
+def test_closed_forms():
+    assert float(Conic(1 / 0.7, 1 / 0.7).along(0.3)) == pytest.approx(np.sqrt(0.49 - 0.09) - 0.7, rel=1e-15)
+    a, b = 0.3, 0.5  # semi-axes along arm II and across it
+    assert float(Conic(a / b**2, 1 / a).along(0.4)) == pytest.approx(a * np.sqrt(1 - 0.16 / 0.25) - a, rel=1e-15)
+    assert float(Conic(0.9, 0.0).along(0.4)) == pytest.approx(-0.45 * 0.16, rel=1e-15)
+    assert float(Profile((0.4, -0.3)).along(0.5)) == pytest.approx(-(0.1 - 0.0375), rel=1e-15)
+    assert float(Plane().along(0.3)) == 0.0
+
+
+def test_curvature_passes_smoothly_through_the_plane():
+    slope = jax.grad(lambda k: Conic(k, k).along(0.3))
+    assert float(slope(0.0)) == pytest.approx(-0.045, rel=1e-15)
+    assert float(slope(1e-9)) == pytest.approx(-0.045, rel=1e-9)
+
+
+@pytest.mark.parametrize("shape", [Conic(1 / 0.7, 1 / 0.7), Arc(0.7)], ids=["conic", "arc"])
+def test_the_paper_s_arc_as_a_level(shape):
+    """The same multipliers and accelerations, with a tip that rubs, as the arc's own formulas give."""
+    pair, q = at_surface(None, 3)
+    real = Hardware(tip_friction=0.4, slip_speed=0.3)
+    structure = Structure(features=Features(tip_friction=True))
+    answers = []
+    for surface in (Surface(), Surface(shape=shape)):
+        model = build_model(Parameters(plant=pair._replace(surface=surface), hardware=real))
+        k = plant.plant_kinematics(structure, model, 0.7, positions(q), (0.3, -0.2, 0.5, 0.4, 0.1, -0.3))
+        moved = plant.respond(structure, model, 0.7, k, ((1.0, -2.0, 0.5, 3.0, -4.0),) * 2)
+        answers.append((joined(k.velocity), joined(moved.full), vector(moved.multipliers)))
+    for own, as_level in zip(*answers, strict=True):
+        assert_close(as_level, own, 5e-14)
+
+
+def test_every_surface_has_a_shape():
+    assert shape_of(Surface(contact_radius=0.5)) == Conic(2.0, 2.0)
+    assert shape_of(Surface(shape=Plane())) == Plane()
+
+
+def test_scenario_files_choose_a_surface():
+    scenario = cm.load_scenario("paper", coupling={"surface": {"kind": "conic", "curvature_n": 1.2}})
+    assert scenario.parameters().plant.surface.shape == Conic(1.2, 0.0)
+    assert (
+        scenario.with_overrides({"coupling.surface.curvature_e": 0.3}).parameters().plant.surface.shape.curvature_e
+        == 0.3
+    )
+    assert scenario.with_overrides({"coupling.surface": "none"}).parameters().plant.surface.shape is None
+    profile = scenario.with_overrides({"coupling.surface": {"kind": "profile", "coefficients": [0.1, 0.2]}})
+    assert profile.parameters().plant.surface.shape == Profile((0.1, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({"kind": "conc"}, r"surface\.kind: must be one of plane, arc, conic, profile \(did you mean conic\?\)"),
+        ({"curvature_n": 1.0}, r"surface\.kind: must be one of .*, was missing"),
+        ({"kind": "conic", "curvature_n": 1.0, "curvature_e": -1.0}, r"curvature_e: must be 0, or of the sign of"),
+        ({"kind": "arc", "radius": 0.0}, r"surface\.radius: must be other than 0"),
+        ({"kind": "plane", "radius": 1.0}, r"surface\.radius: must be a field of"),
+    ],
+)
+def test_surfaces_that_cannot_be(table, said):
+    with pytest.raises(UserError, match=said):
+        cm.load_scenario("paper", coupling={"surface": table})
