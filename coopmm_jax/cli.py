@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import NoReturn
 
 import coopmm_jax
-from coopmm_jax import runtime, terminal
+from coopmm_jax import plugins, runtime, terminal
 from coopmm_jax.commands import BAD_INPUT, animate, report, scenarios, simulate, sweep
 from coopmm_jax.commands.fields import takes_names
 from coopmm_jax.errors import UserError
@@ -90,6 +90,10 @@ def told(error: Exception) -> str | None:
 
 
 def _run(argv: Sequence[str], own_process: bool) -> int:
+    argv, files = _plugins(argv)
+    plugins.load_installed()
+    for file in files:
+        plugins.load_plugin(file)
     arguments, changes = overrides.split(argv, takes_names)
     for argument in arguments:
         if argument.endswith("=--"):  # argparse makes an empty list of it
@@ -106,10 +110,28 @@ def _run(argv: Sequence[str], own_process: bool) -> int:
     return options.run(options, changes)
 
 
+def _plugins(argv: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Command line without --plugin, and the files that it names; what they register, other options may mean."""
+    others: list[str] = []
+    files: list[str] = []
+    following = iter(argv)
+    for argument in following:
+        option, equals, text = argument.partition("=")
+        if option != plugins.OPTION:
+            others.append(argument)
+            continue
+        file = text if equals else next(following, None)
+        if file is None:
+            raise UserError(plugins.OPTION, "followed by a Python file", "followed by nothing")
+        files.append(file)
+    return others, files
+
+
 def _parser(command: Sequence[str]) -> argparse.ArgumentParser:
     """The parser of all commands, of which ``command`` ([] or [name]) must be one."""
     parser = _Parser(prog="coopmm", description=(coopmm_jax.__doc__ or "").partition("\n")[0], allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"coopmm {coopmm_jax.__version__}")
+    parser.add_argument(plugins.OPTION, metavar="FILE", help="Python file that registers kinds; may be given again")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     parser.set_defaults(sweeps=False)
     for module in _modules():

@@ -1,4 +1,4 @@
-"""Files and folders that are written whole or not at all, the paths that users name, and versions.
+"""Files and folders that are written whole or not at all, and the paths that users name.
 
 >>> import tempfile
 >>> with tempfile.TemporaryDirectory() as parent:
@@ -16,12 +16,10 @@ import io
 import json
 import math
 import os
-import platform
 import secrets
 import shutil
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -247,15 +245,6 @@ def locked_folder(folder: Path, option: str = "--out", name: str = ".lock") -> I
         lock.release()
         if new and not any(folder.iterdir()):
             folder.rmdir()
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python, of this code and of the packages that decide a result's digits."""
-    from coopmm_jax import __version__  # of the code that runs, whatever is installed
-
-    packages = ("jax", "jaxlib", "numpy")
-    own = {"python": platform.python_version(), "coopmm_jax": __version__}
-    return own | {package: version(package) for package in packages}
 
 
 def _partial(place: Path, name: str) -> Path:

@@ -6,12 +6,12 @@ package that the user has installed. A scenario file names kinds, and never runs
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.util
 import sys
 import traceback
-from collections.abc import Mapping
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import CodeType
 from typing import NamedTuple
@@ -22,13 +22,14 @@ from coopmm_jax.kinds.registry import registering
 
 ENTRY_POINTS = "coopmm_jax.plugins"  # the group in which a package declares modules that register kinds
 OPTION = "--plugin"
+_DIGITS = 16  # of a SHA-256, enough to tell files apart
 
 
 class Plugin(NamedTuple):
     """A plugin that has been loaded."""
 
     name: str  # of its file, without folder, or of its entry point
-    digest: str  # of the file's bytes (sha256), or the version of the package
+    version: str  # of the package, or the beginning of the SHA-256 of the file's bytes
 
 
 _loaded: dict[str, Plugin] = {}  # by resolved path, or by name of the entry point
@@ -49,7 +50,7 @@ def load_plugin(path: str | Path, option: str = OPTION) -> None:
         content = file.read_bytes()
     except OSError as error:
         raise UserError(option, "a Python file", f"{path} ({error.strerror})") from None
-    key, plugin = str(file.resolve()), Plugin(file.name, hashlib.sha256(content).hexdigest())
+    key, plugin = str(file.resolve()), Plugin(file.name, hashlib.sha256(content).hexdigest()[:_DIGITS])
     if key in _loaded:
         if _loaded[key] != plugin:
             raise UserError(option, "a file that does not change while this process runs", path)
@@ -66,7 +67,7 @@ def load_installed() -> None:
     Raises:
         UserError: a module that cannot be imported, or that registers what cannot be used.
     """
-    for point in sorted(entry_points(group=ENTRY_POINTS)):
+    for point in _installed():
         if point.name in _loaded:
             continue
         with registering(point.name):
@@ -80,28 +81,14 @@ def load_installed() -> None:
         _loaded[point.name] = Plugin(point.name, version)
 
 
-def loaded() -> dict[str, str]:
-    """Plugins by name, with what tells their content: what a result records."""
-    return {plugin.name: plugin.digest for plugin in sorted(_loaded.values())}
+@functools.cache
+def _installed() -> tuple[EntryPoint, ...]:
+    return tuple(sorted(entry_points(group=ENTRY_POINTS)))
 
 
-def check_recorded(recorded: Mapping[str, str], field: str, what: str) -> None:
-    """Compare the plugins that something was made with to those that are loaded.
-
-    Args:
-        recorded: as ``loaded`` gave them then.
-        field: where the user named what was made, for the error.
-        what: was made, for the error.
-
-    Raises:
-        UserError: one of them is missing, or has other content now.
-    """
-    now = loaded()
-    for name, digest in recorded.items():
-        if name not in now:
-            raise UserError(field, f"used with {OPTION} {name}, as {what} was made", "used without")
-        if now[name] != digest:
-            raise UserError(field, f"used with the {name} that {what} was made with", f"another ({now[name][:12]})")
+def loaded() -> tuple[Plugin, ...]:
+    """Plugins in the order of their names."""
+    return tuple(sorted(_loaded.values()))
 
 
 def _run(file: Path, content: bytes, option: str) -> None:
@@ -117,7 +104,7 @@ def _run(file: Path, content: bytes, option: str) -> None:
     except UserError:
         del sys.modules[name]
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
         raise UserError(f"{option} {file.name}", "a file that runs", _told(error, file)) from None
 
@@ -126,7 +113,7 @@ def _compiled(file: Path, content: bytes) -> CodeType:
     return compile(content, str(file), "exec", dont_inherit=True)
 
 
-def _told(error: Exception, file: Path | None) -> str:
+def _told(error: BaseException, file: Path | None) -> str:
     """Exception in one line, with the line of the plugin that it comes from."""
     if isinstance(error, SyntaxError):
         return f"line {error.lineno}: {error.msg}"

@@ -11,7 +11,7 @@ from coopmm_jax.commands import DONE, ROLLOUT_FAILED
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
 from coopmm_jax.errors import UserError, one_line
 from coopmm_jax.files import resolve_path, result_folder
-from coopmm_jax.metrics.table import METRICS, SHOWN, as_text
+from coopmm_jax.metrics.table import METRICS, as_text, shown
 from coopmm_jax.runs.store import write_run
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.overrides import merged
@@ -97,9 +97,10 @@ def _report(scenario: Scenario, trajectory: Trajectory) -> int:
     print(one_line(scenario.description, _WIDEST))
     steps = scenario.steps * max(1, scenario.structure().substeps)
     print(f"{settings.duration:g} s in {steps} steps of {settings.step:g} s, {settings.precision}")
-    for name in SHOWN:
+    width = max(map(len, shown()))
+    for name in shown():
         value = as_text(trajectory.metrics[name], ".6g")
-        print(f"  {name:{max(map(len, SHOWN))}} {value:>12} {METRICS[name].unit:6}  {METRICS[name].meaning}")
+        print(f"  {name:{width}} {value:>12} {METRICS[name].unit:6}  {METRICS[name].meaning}")
     for requirement in scenario.requirements.parsed():
         met = trajectory.ok and requirement.met(trajectory.metrics[requirement.metric])
         print(f"  requirement {requirement}: {'met' if met else 'not met'}")

@@ -60,6 +60,30 @@ def _check(place: str, method: Method, arguments: tuple[Any, ...], result: Any) 
         raise UserError(place, "finite" + (f" at {at}" if at else ""), jax.tree.map(lambda leaf: f"{leaf:g}", result))
 
 
+def number_of(kind: Kind, method: str, *arguments: Any) -> Any:
+    """Number that a method of a kind without fields gives while a rollout is traced, a scalar.
+
+    Args:
+        kind: of a plugin.
+        method: name of the method.
+        arguments: of it.
+
+    Raises:
+        UserError: the method raises, or returns something else.
+    """
+    place = f"{kind.label}: {method}"
+    try:
+        result = getattr(kind.made(), method)(*arguments)
+    except UserError:
+        raise
+    except Exception as error:
+        raise UserError(place, "free of errors", f"{type(error).__name__}: {error}") from None
+    if _described(result) != "a number":
+        meaning = next(each.meaning for each in GROUPS[kind.group].methods if each.name == method)
+        raise UserError(place, f"a function that returns a number: {meaning}", _described(result))
+    return jnp.asarray(result, jnp.result_type(float))
+
+
 def _described(result: Any) -> str:
     """Kind of thing that a function returns, for a message."""
     if isinstance(result, tuple):

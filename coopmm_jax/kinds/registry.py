@@ -168,6 +168,22 @@ def register(group: str, name: str) -> Callable[[Registered], Registered]:
     return decorated
 
 
+def register_constants(group: str, name: str, about: str, **constants: Any) -> None:
+    """Register a kind without numbers, of which there are many alike.
+
+    Args:
+        group: of ``GROUPS``.
+        name: of the kind.
+        about: its docstring.
+        constants: attributes and methods by name.
+    """
+    made: Any = NamedTuple("Constants", [])
+    made.__doc__, made.__module__ = about, __name__
+    for attribute, value in constants.items():
+        setattr(made, attribute, value)
+    register(group, name)(made)
+
+
 def known(group: str) -> dict[str, Kind]:
     """Kinds of a group by name."""
     return _KINDS[group]
@@ -228,7 +244,9 @@ def _check_protocol(group: Group, made: type, label: str) -> None:
         if not _takes(function, 1 + len(method.arguments)):
             raise UserError(f"{label}: {method.name}", f"of the form {wanted}", f"{method.name}{_signature(function)}")
     for attribute in group.attributes:
-        value = getattr(made, attribute.name, attribute.default)
+        if not hasattr(made, attribute.name) and attribute.default is not MISSING:
+            setattr(made, attribute.name, attribute.default)
+        value = getattr(made, attribute.name, MISSING)
         if value is MISSING:
             raise UserError(label, f"a class with {attribute.name} = ...: {attribute.meaning}", "without it")
         allowed = attribute.allowed

@@ -18,10 +18,11 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.types import Bool, Scalar
+from coopmm_jax.kinds.probe import number_of
 from coopmm_jax.loop.rollout import Observer
 from coopmm_jax.loop.state import Signals
-from coopmm_jax.metrics.sample import ENTRIES, Past, no_past, past_after, quantities
-from coopmm_jax.metrics.table import LATE, LATE_FROM, METRICS, WHOLE, Metric
+from coopmm_jax.metrics.sample import ENTRIES, Past, Sample, no_past, past_after, quantities
+from coopmm_jax.metrics.table import LATE, LATE_FROM, METRICS, WHOLE, Metric, of_plugins
 from coopmm_jax.parameters import Parameters, Structure
 
 
@@ -65,6 +66,7 @@ REDUCTIONS = {
     "time": Reduction("sum", lambda gathered, extent: gathered * extent.step),
     "root_mean": Reduction("sum", lambda gathered, extent: _root(gathered / extent.values)),
     "root_max": Reduction("max", lambda gathered, extent: _root(gathered)),
+    "last": Reduction("last", lambda gathered, extent: gathered),
     "root_last": Reduction("last", lambda gathered, extent: _root(gathered)),
     "variation": Reduction("sum_after_first", lambda gathered, extent: gathered),
     "time_if_complete": Reduction(
@@ -107,6 +109,9 @@ def observer(structure: Structure, parameters: Parameters, duration: Scalar, ste
     def update(total: Total, t: Scalar, signals: Signals) -> Total:
         now = past_after(total.past, total.samples[WHOLE] <= 0, signals)
         seen = quantities(structure, parameters, t, step, signals, total.past, now)
+        sample = Sample(structure, parameters, t, step, signals, seen, {})
+        added = {f"metric {name}": number_of(kind, "quantity", sample) for name, kind in of_plugins().items()}
+        seen = seen | added
         late = t > LATE_FROM * duration - 0.5 * step
         inside = {WHOLE: True, LATE: late}
         gathered = {}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -106,6 +108,19 @@ def squared_errors(reference: Reference, surface: Surface, t: Scalar, signals: S
         *(object_error, tip_error),
     )
     return Errors(*(dot(vector, vector) for vector in vectors))
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One sample of a rollout, as metrics and cost terms see it; every number is a scalar."""
+
+    structure: Structure
+    parameters: Parameters
+    t: Scalar  # [s]
+    step: Scalar  # until the next one [s]
+    signals: Signals
+    quantities: Mapping[str, Scalar]  # of the built-in metrics, see ``quantities``
+    terms: Mapping[str, Scalar]  # of the built-in cost terms; empty where no cost is computed
 
 
 def quantities(

@@ -10,10 +10,13 @@ metric is one more entry here, and one more quantity there if none fits.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
-WHOLE, LATE = "whole", "late"
+from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.metrics import LATE, WHOLE
+from coopmm_jax.kinds.registry import Kind, known, register_constants
+
 LATE_FROM = 0.75  # the late window begins with the sample nearest to this fraction of the horizon
 IMPACT = 0.01  # [s] from a landing of the tip on
 SETTLED = 0.01  # tracking error above which a rollout has not settled
@@ -151,7 +154,6 @@ _TABLE = (
         "min",
     ),
 )
-METRICS = {metric.name: metric for metric in _TABLE}
 
 # Those that tell at a glance whether a run is any good.
 SHOWN = (
@@ -159,7 +161,82 @@ SHOWN = (
     *("internal_force_max", "torque_peak", "saturation_fraction", "wheel_torque_variation_late"),
     *("joint_torque_variation_late", "constraint_residual_max"),
 )
-LOW_IS_BAD = ("force_min", "force_min_late", "singularity_margin")  # of all others the largest value is the worst
+_LOW_IS_BAD = ("force_min", "force_min_late", "singularity_margin")  # of all others the largest value is the worst
+
+
+def _register(metric: Metric) -> None:
+    def quantity(self: Any, sample: Any) -> Any:
+        return sample.quantities[metric.quantity]  # computed together, in ``sample.quantities``
+
+    constants = {
+        "unit": metric.unit,
+        "meaning": metric.meaning,
+        "reduction": metric.reduction,
+        "window": metric.window,
+        "low_is_bad": metric.name in _LOW_IS_BAD,
+        "shown": metric.name in SHOWN,
+        "shares": metric.quantity,
+    }
+    register_constants("metric", metric.name, metric.meaning, quantity=quantity, **constants)
+
+
+for _metric in _TABLE:
+    _register(_metric)
+
+
+class _Metrics(Mapping[str, Metric]):
+    """Metrics by name, built-in ones first; those of plugins are there once they are loaded."""
+
+    def __getitem__(self, name: str) -> Metric:
+        made = known("metric")[name].made
+        shared = getattr(made, "shares", None)  # of the built-in ones: metrics of one quantity share what is gathered
+        return Metric(name, made.unit, made.meaning, shared or f"metric {name}", made.reduction, made.window)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(known("metric"))
+
+    def __len__(self) -> int:
+        return len(known("metric"))
+
+
+METRICS = _Metrics()
+
+
+def registered() -> tuple[tuple[str, type], ...]:
+    """Names and kinds of all metrics: what a compiled program that measures them depends on."""
+    return tuple((name, kind.made) for name, kind in known("metric").items())
+
+
+def shown() -> tuple[str, ...]:
+    """Names of the metrics that commands print."""
+    added = (name for name, kind in known("metric").items() if kind.plugin and kind.made.shown)
+    return (*SHOWN, *added)
+
+
+def low_is_bad(name: str) -> bool:
+    """True if the smallest value of a metric is the worst."""
+    return known("metric")[name].made.low_is_bad
+
+
+def check_finite(values: Mapping[str, Any], completed: Any) -> None:
+    """Refuse a plugin's metric that is not finite over a rollout that completes.
+
+    Args:
+        values: of the metrics by name, NumPy arrays (...,).
+        completed: whether each rollout completed (...,).
+
+    Raises:
+        UserError: one is not.
+    """
+    for name, kind in of_plugins().items():
+        for value, whole in zip(values[name].ravel().tolist(), completed.ravel().tolist(), strict=True):
+            if whole and not math.isfinite(value):
+                raise UserError(f"{kind.label}: quantity", "finite in every rollout that completes", value)
+
+
+def of_plugins() -> dict[str, Kind]:
+    """Metrics that plugins have registered, by name."""
+    return {name: kind for name, kind in known("metric").items() if kind.plugin}
 
 
 def as_text(value: float, form: str) -> str:

@@ -20,7 +20,7 @@ from coopmm_jax.mechanics.robot import CHAINED, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, in_world, unchained
 from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics import observer
-from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.metrics.table import METRICS, check_finite, registered
 from coopmm_jax.parameters import Parameters, Reference, Structure
 from coopmm_jax.runs.trajectory import Trajectory
 from coopmm_jax.scenario import plausible
@@ -61,12 +61,13 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     check_memory(needed, "simulation.record_every", must, settings.record_every)
     plausible.warn_of(scenario)
     with jax.enable_x64(settings.precision == "float64"):
-        outcome = _compiled(structure, plan, parameters, step, steps)
+        outcome = _compiled(structure, plan, parameters, step, steps, registered())
         series, measured, health = jax.device_get(outcome)
     status = Status(int(health.status))
     if status is Status.UNREACHABLE:
         raise UserError("initial", "poses from which both arms reach what [coupling] asks of them", _start(scenario))
     failed = status is not Status.OK
+    check_finite({name: np.asarray(value) for name, value in measured.items()}, np.asarray(not failed))
     end = int(health.step) if failed else steps + 1  # the first step that is not part of the run
     recorded = -(-end // settings.record_every)
     return Trajectory(
@@ -87,11 +88,19 @@ def _plan(steps: int, record_every: int) -> Plan:
     return Plan.alone(room - 1, record_every)
 
 
-@functools.partial(jax.jit, static_argnames=("structure", "plan"))
+@functools.partial(jax.jit, static_argnames=("structure", "plan", "metrics"))
 def _compiled(
-    structure: Structure, plan: Plan, parameters: Parameters, step: Scalar, steps: Scalar
+    structure: Structure,
+    plan: Plan,
+    parameters: Parameters,
+    step: Scalar,
+    steps: Scalar,
+    metrics: tuple[tuple[str, type], ...],
 ) -> tuple[dict[str, Any], dict[str, Scalar], Health]:
-    """Recorded series, metrics and health of one rollout; ``steps`` of length ``step`` [s] follow its first sample."""
+    """Recorded series, metrics and health of one rollout; ``steps`` of length ``step`` [s] follow its first sample.
+
+    ``metrics`` are those that are registered: another set is another program.
+    """
     horizon = {"duration": steps * step, "step": step}
     result = rollout(
         structure, parameters, step, steps, plan, observer.observer(structure, parameters, **horizon), record=True

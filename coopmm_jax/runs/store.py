@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import read_json, read_npz, resolve_path, versions, write_json, write_npz, write_text
+from coopmm_jax.files import read_json, read_npz, resolve_path, write_json, write_npz, write_text
+from coopmm_jax.software import check_plugins, versions
 
 if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
@@ -45,6 +46,7 @@ def read_run(folder: str | Path) -> Trajectory:
     folder = resolve_path(folder, "run")
     try:
         arrays, about = read_npz(folder / "trajectory.npz"), read_json(folder / "summary.json")
+        check_plugins(about.get("versions", {}), "run", folder)
         run = Trajectory(
             **{name: arrays[name] for name in ARRAYS},
             status=Status[about["status"]],

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coopmm_jax.control.adaptive import Regressors
-from coopmm_jax.files import versions
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.robot import PLATFORM
-from coopmm_jax.metrics.table import METRICS, SHOWN, as_text
+from coopmm_jax.metrics.table import METRICS, as_text, shown
+from coopmm_jax.software import versions
 from coopmm_jax.status import Status
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ class Trajectory:
         rows = "".join(
             f"<tr><td>{name}</td><td>{as_text(self.metrics[name], '.4g')}</td><td>{METRICS[name].unit}</td>"
             f"<td style='text-align: left'>{html.escape(METRICS[name].meaning)}</td></tr>"
-            for name in SHOWN
+            for name in shown()
         )
         ending = "" if self.ok else f"<br>{html.escape(self.status.message)}"
         head = f"<b>{html.escape(repr(self)[1:-1])}</b>{ending}<br>{html.escape(self.scenario.description)}"

@@ -17,6 +17,7 @@ from pydantic import model_validator
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
+from coopmm_jax.plugins import load_installed
 from coopmm_jax.scenario.base import BaseScenario
 from coopmm_jax.scenario.overrides import merged, read_toml
 from coopmm_jax.scenario.validation import closest, validate
@@ -47,6 +48,7 @@ def load_scenario(name_or_path: str | Path, **overrides: Any) -> Scenario:
     >>> load_scenario("paper").steps
     20000
     """
+    load_installed()
     return validate(Scenario, merged(_read(_find(str(name_or_path), Path(), "scenario")), overrides))
 
 
@@ -88,7 +90,21 @@ def _read(path: Path) -> dict[str, Any]:
         base, field = tables.pop("base", None), "base"
         if not isinstance(base, str | None):
             raise UserError("base", "the name or path of a scenario", base)
-        laid.append(tables)
+        laid.append(_found_from(path.parent, tables))
         if base is None:
             return functools.reduce(merged, reversed(laid), {})
         path = _find(base, path.parent, "base")
+
+
+def _found_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:
+    """Tables of a file in a folder, with every field ``file`` as a path that means the same from anywhere."""
+
+    def found(key: str, value: Any) -> Any:
+        if isinstance(value, dict):
+            return _found_from(folder, value)
+        if isinstance(value, list):
+            return [found(key, entry) for entry in value]
+        plain = key == "file" and isinstance(value, str) and value
+        return str((folder / resolve_path(value, key)).absolute()) if plain else value
+
+    return {key: found(key, value) for key, value in tables.items()}

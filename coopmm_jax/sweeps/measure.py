@@ -16,7 +16,7 @@ from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.sample import internal_force, largest_size, squared_errors
-from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.metrics.table import METRICS, check_finite, registered
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps.batch import Device, Program, prepare, run
@@ -76,6 +76,7 @@ def measure(structure: Structure, horizon: Horizon, device: Device, parameters: 
     """
     plan = Plan.batch(horizon.steps, SEGMENT)
     measured, health = _run(_metrics_of, structure, plan, horizon, device, parameters)
+    check_finite(measured, health.status == Status.OK)
     table = np.stack([measured[name] for name in METRICS], axis=1).astype(float)
     time = np.where(health.status == Status.OK, np.nan, health.step * horizon.step)
     return Measured(table, health.status.astype(np.int8), time)
@@ -109,11 +110,11 @@ def _call(
     dtype = np.dtype(horizon.precision)
     parameters = jax.tree.map(lambda x: np.ascontiguousarray(x, dtype), parameters)
     extent = (np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32))
-    return Program(function, (structure, plan)), device, (parameters,), extent
+    return Program(function, (structure, plan, registered())), device, (parameters,), extent
 
 
 def _metrics_of(
-    structure: Structure, plan: Plan, parameters: Parameters, step: Scalar, steps: Scalar
+    structure: Structure, plan: Plan, metrics: Any, parameters: Parameters, step: Scalar, steps: Scalar
 ) -> tuple[dict[str, Scalar], Health]:
     horizon = {"duration": steps * step, "step": step}
     result = rollout(structure, parameters, step, steps, plan, observer.observer(structure, parameters, **horizon))
@@ -121,7 +122,7 @@ def _metrics_of(
 
 
 def _series_of(
-    structure: Structure, plan: Plan, parameters: Parameters, step: Scalar, steps: Scalar
+    structure: Structure, plan: Plan, metrics: Any, parameters: Parameters, step: Scalar, steps: Scalar
 ) -> tuple[dict[str, Scalar], Health]:
     result = rollout(structure, parameters, step, steps, plan, record=True)
     return jax.vmap(functools.partial(_point, structure, parameters))(*result.record), result.health

@@ -21,7 +21,7 @@ import numpy as np
 from tqdm import tqdm
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import resolve_path, versions
+from coopmm_jax.files import resolve_path
 from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.runtime import xla_options
@@ -29,6 +29,7 @@ from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import Variation, vary
+from coopmm_jax.software import versions
 from coopmm_jax.sweeps import measure
 from coopmm_jax.sweeps import store as sweep_store
 from coopmm_jax.sweeps.batch import concurrently, slots

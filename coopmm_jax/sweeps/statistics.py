@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import norm, rankdata
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.metrics.table import LOW_IS_BAD, SHOWN
+from coopmm_jax.metrics.table import low_is_bad, shown
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.sections.requirements import Requirement
@@ -41,7 +41,7 @@ class Results:
     index: np.ndarray  # (n,) of each computed sample
     status: np.ndarray  # (n,) codes of ``Status``
     status_time: np.ndarray  # (n,) of a failure [s]; NaN for none
-    metrics: dict[str, np.ndarray]  # (n,) of SHOWN and of those with a requirement
+    metrics: dict[str, np.ndarray]  # (n,) of those shown and of those with a requirement
     draws: dict[str, str]  # name of each draw -> the number that stands for it
     data: xarray.Dataset
 
@@ -80,7 +80,7 @@ class Results:
         for requirement in self.requirements:
             if requirement.metric == metric:
                 return requirement.low_is_bad
-        return metric in LOW_IS_BAD
+        return low_is_bad(metric)
 
 
 class Outcome(NamedTuple):
@@ -114,7 +114,11 @@ def read_results(data: xarray.Dataset, scenario: Scenario | None = None) -> Resu
     """
     scenario = store.scenario_of(data) if scenario is None else scenario
     required = [requirement.metric for requirement in scenario.requirements.parsed()]
-    shown = list(dict.fromkeys([*required, *SHOWN]))
+    kept = set(map(str, data.metric.values))
+    for name in required:
+        if name not in kept:
+            raise UserError(f"requirements.{name}", "a metric that the sweep has measured", "not measured")
+    chosen = [name for name in dict.fromkeys([*required, *shown()]) if name in kept]
     draws: dict[str, str] = {}
     for number in vary(scenario).numbers:
         draws.setdefault(number.draw, number.name)
@@ -128,7 +132,7 @@ def read_results(data: xarray.Dataset, scenario: Scenario | None = None) -> Resu
         index=index,
         status=status[index],
         status_time=store.values(data.status_time)[index],
-        metrics=dict(_columns(data.metrics, {name: name for name in shown}, index)),
+        metrics=dict(_columns(data.metrics, {name: name for name in chosen}, index)),
         draws=draws,
         data=data,
     )

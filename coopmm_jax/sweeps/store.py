@@ -30,6 +30,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.files import hidden_folder, locked_folder, resolve_path
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.validation import validate
+from coopmm_jax.software import check_plugins
 from coopmm_jax.sweeps.contents import BY_SAMPLE, COORDINATES, Contents, build
 from coopmm_jax.sweeps.wholeness import CHECKSUMS, FINGERPRINT, Batches, checksum, fingerprint, inspect, written
 
@@ -215,10 +216,13 @@ def _group(path: Path) -> zarr.Group:
         settings = dict(group.attrs)
         coordinates = {name: np.asarray(cast(zarr.Array, group[name])[:]) for name in COORDINATES}
         if settings.get(FINGERPRINT) == fingerprint(settings, coordinates):
+            check_plugins(cast(Any, settings["versions"]), "store", path)
             if writable:
                 _enlarge(group)
             return group
         reason = "another zarr group, or with damaged settings or coordinates"
+    except UserError:
+        raise
     except FileNotFoundError:
         reason = "not there"
     except Exception as error:  # whatever zarr makes of a damaged or foreign file

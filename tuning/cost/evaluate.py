@@ -13,7 +13,7 @@ import numpy as np
 from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.parameters import Parameters
 from coopmm_jax.sweeps.batch import Device, Program, in_batches, prepare, run, slots
-from tuning.cost.objective import FAILED, TERMS, Objective
+from tuning.cost.objective import FAILED, TERMS, Objective, check_finite
 
 BATCH = 32  # elements: one core is fastest with 32 to 64, and the usual 16 candidates x 4 samples fill two cores
 # What differentiates by a sample's numbers takes LLVM minutes to optimise, and is run a few times: without, it compiles
@@ -57,7 +57,9 @@ def evaluate(objective: Objective, vectors: np.ndarray, samples: Samples, precis
     In float32 a batch is twice as fast. Ranks of candidates that lie a factor of 1.35 apart in each gain are those of
     float64 (correlation 0.99 on ``sensed``); at a factor of 1.05 they are not (0.82 to 0.87).
     """
-    return Evaluated(*_run(_terms, objective, vectors, samples, np.zeros(len(TERMS)), precision))
+    found = Evaluated(*_run(_terms, objective, vectors, samples, np.zeros(len(TERMS)), precision))
+    check_finite(found.terms, found.completed)
+    return found
 
 
 def gradients(

@@ -11,39 +11,52 @@ True
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
-from coopmm_jax.algebra.types import Scalar, Vector
+from coopmm_jax.algebra.types import Bool, Scalar, Vector
 from coopmm_jax.control.reference import desired_force
+from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.cost_terms import terms
+from coopmm_jax.kinds.probe import number_of
 from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS
-from coopmm_jax.metrics.sample import squared_errors
+from coopmm_jax.metrics.sample import Sample, squared_errors
 from coopmm_jax.parameters import Parameters, Structure
 from tuning.cost.gain_space import GainSpace, gain_space
 
 if TYPE_CHECKING:
     from coopmm_jax.scenario.scenario import Scenario
 
-# name -> (unit of its time average, the least value that a term is scaled by: what is as good as zero)
-TERMS: dict[str, tuple[str, float]] = {
-    "object": ("m^2", 1e-6),
-    "relative": ("m^2", 1e-6),
-    "posture": ("rad^2, m^2", 1e-6),
-    "force": ("N^2", 1e-2),
-    "internal": ("N^2", 1e-2),
-    "contact_loss": ("N^2", 1e-2),
-    "effort": ("N^2 m^2", 1e-2),
-    "torque_variation": ("N m/s", 1.0),
-    "saturation": ("N^2 m^2", 1e-2),
-}
-TRACKING = ("object", "relative", "posture")
+
+class _Terms(Mapping[str, tuple[str, float]]):
+    """Terms by name: unit of the time average, and the least value that it is scaled by; plugins' come last."""
+
+    def __getitem__(self, name: str) -> tuple[str, float]:
+        made = terms()[name].made
+        return made.unit, made.floor
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(terms())
+
+    def __len__(self) -> int:
+        return len(terms())
+
+
+TERMS = _Terms()
+
+
+def _registered() -> tuple[tuple[str, type], ...]:
+    """Names and kinds of all terms: what a compiled cost depends on."""
+    return tuple((name, kind.made) for name, kind in terms().items())
+
+
 # A rollout that fails costs this, and up to twice as much the earlier it fails: more than any that completes.
 FAILED = 1e6
 _SEGMENT = 50  # steps between checkpoints of the reverse pass
@@ -77,6 +90,7 @@ class Objective:
     step: float  # time between samples [s]
     steps: int  # of the horizon
     tracking_from: float  # [s]; earlier errors are the start's, which no gain can undo, and would drown the later ones
+    terms: tuple[tuple[str, type], ...] = field(default_factory=_registered)  # in the order of TERMS
 
     @classmethod
     def of(cls, scenario: Scenario, structure: Structure, horizon: float) -> Objective:
@@ -109,8 +123,8 @@ class Objective:
             coefficients: weight over scale of each term (9,), in the order of ``TERMS``.
             for_gradient: as in ``evaluate``.
         """
-        terms, completed, survived = self.evaluate(vector, parameters, for_gradient)
-        cost = sum(coefficients[i] * term for i, term in enumerate(terms))
+        averages, completed, survived = self.evaluate(vector, parameters, for_gradient)
+        cost = sum(coefficients[i] * term for i, term in enumerate(averages))
         return jnp.where(completed, cost, FAILED * (2.0 - survived))
 
     def sample_terms(self, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
@@ -124,14 +138,19 @@ class Objective:
             torque = (*signals.torque[0], *signals.torque[1])
             change = sum(_size(now - before) for now, before in zip(torque, total.torque, strict=True))
             first = t < 0.5 * self.step
-            terms = self.sample_terms(parameters, t, signals)
-            for name in TRACKING:
-                terms[name] = jnp.where(t > self.tracking_from - 0.5 * self.step, terms[name], 0.0)
-            terms["torque_variation"] = jnp.where(first, 0.0, change / self.step)
-            sums = tuple(old + terms[name] for old, name in zip(total.terms, TERMS, strict=True))
-            return Total(sums, torque)
+            own = self.sample_terms(parameters, t, signals)
+            own["torque_variation"] = jnp.where(first, 0.0, change / self.step)
+            sample = Sample(self.structure, parameters, t, self.step, signals, {}, own)
+            counts = t > self.tracking_from - 0.5 * self.step
+            values = (self._value(name, made, sample, counts) for name, made in self.terms)
+            return Total(tuple(old + value for old, value in zip(total.terms, values, strict=True)), torque)
 
-        return Observer(Total((zero,) * len(TERMS), (zero,) * (ROBOTS * ACTUATORS)), update)
+        return Observer(Total((zero,) * len(self.terms), (zero,) * (ROBOTS * ACTUATORS)), update)
+
+    def _value(self, name: str, made: Any, sample: Sample, counts: Bool) -> Scalar:
+        """One term of a sample; ``counts`` says whether it counts for those that leave out the start."""
+        value = made().value(sample) if name in sample.terms else number_of(terms()[name], "value", sample)
+        return jnp.where(counts, value, 0.0) if made.after_start else value
 
 
 def _terms(structure: Structure, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Scalar]:
@@ -164,6 +183,23 @@ def _excess(structure: Structure, parameters: Parameters, signals: Signals) -> S
 def _size(x: Scalar) -> Scalar:
     """|x|, smooth at 0."""
     return jnp.sqrt(x * x + _SMOOTHING**2) - _SMOOTHING
+
+
+def check_finite(found: np.ndarray, completed: np.ndarray) -> None:
+    """Refuse a plugin's term that is not finite in a rollout that completes.
+
+    Args:
+        found: time averages (..., terms), in the order of ``TERMS``.
+        completed: whether each rollout completed (...,).
+
+    Raises:
+        UserError: one is not.
+    """
+    for i, kind in enumerate(terms().values()):
+        wrong = completed & ~np.isfinite(found[..., i])
+        if kind.plugin and wrong.any():
+            must = "finite in every rollout that completes"
+            raise UserError(f"{kind.label}: value", must, found[..., i][wrong][0])
 
 
 def coefficients(weights: Mapping[str, float], scales: np.ndarray) -> np.ndarray:

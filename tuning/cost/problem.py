@@ -200,5 +200,5 @@ def scaled(problem: Problem, start: np.ndarray) -> Problem:
     if not completed.any():
         raise UserError("gains", "such that at least one validation sample completes, to scale the cost by", "none")
     scales = np.mean(found.terms[0][completed], axis=0)
-    cost = replace(problem.cost, coefficients=coefficients(dict(settings.weights), scales))
+    cost = replace(problem.cost, coefficients=coefficients(settings.weights.of_all(), scales))
     return replace(problem, cost=cost)

@@ -146,7 +146,7 @@ def tune_front(
 def _groups(scenario: Scenario) -> np.ndarray:
     """Shares of the terms of quality and of effort in a cost's coefficients (2, 9)."""
     effort = np.array([name in EFFORT for name in TERMS])
-    weights = np.array([getattr(scenario.tuning.weights, name) for name in TERMS])
+    weights = np.array(list(scenario.tuning.weights.of_all().values()))
     groups = np.stack([~effort, effort]).astype(float)
     sums = groups @ weights
     for name, total in zip(("quality", "effort"), sums, strict=True):

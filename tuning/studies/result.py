@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax
 import numpy as np
 
-from coopmm_jax.files import versions
 from coopmm_jax.scenario.gains_file import gains_text
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.sections.controller import gain_tables
+from coopmm_jax.software import versions
 from tuning.cost.problem import TEST
 from tuning.studies.chatter import Slopes, slopes
 from tuning.studies.comparison import Comparison, compare

@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import locked_folder, read_npz, resolve_path, versions, write_csv, write_npz
+from coopmm_jax.files import locked_folder, read_npz, resolve_path, write_csv, write_npz
 from coopmm_jax.runtime import xla_options
+from coopmm_jax.software import check_plugins, versions
 
 if TYPE_CHECKING:
     from tuning.studies.result import Row
@@ -92,6 +93,8 @@ def read(folder: Path, settings: str) -> dict[str, np.ndarray]:
         before = str(arrays.pop(_KEY))
     except (KeyError, ValueError) as error:
         raise UserError("--resume", f"used with a {NAME} that can be read", f"{path} ({error})") from None
+    made_with = (line.removeprefix("# ").rsplit(" ", 1) for line in before.splitlines() if line.startswith("# plugin "))
+    check_plugins(dict(made_with), "--resume", folder)
     _same(before, _complete(settings))
     return arrays
 

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict, create_model, field_validator, model_validator
 
 from coopmm_jax.errors import UserError, shown
+from coopmm_jax.kinds import cost_terms
 from coopmm_jax.scenario.fields import Count, Finite, NotNegative, Positive, Section, quantity
 from coopmm_jax.scenario.sections.controller import GAINS
 from coopmm_jax.scenario.validation import closest
@@ -45,18 +46,28 @@ class Bounds(_Ranges):
         return self
 
 
-class Weights(Section):
+_weights: dict[str, Any] = {name: (NotNegative, kind.made.weight) for name, kind in cost_terms.terms().items()}
+_OfTerms = create_model("_OfTerms", __base__=Section, **_weights)
+
+
+class Weights(_OfTerms, extra="allow"):
     """[tuning.weights]: of the cost's terms, each of which is 1 under the starting gains."""
 
-    object: NotNegative = 1.0  # from tracking_from on: squared distance of the object from its desired point
-    relative: NotNegative = 1.0  # likewise of tip I on the object's arc
-    posture: NotNegative = 1.0  # squared errors of both platforms and arms
-    force: NotNegative = 1.0  # squared error of the normal contact force
-    internal: NotNegative = 0.1  # squared other constraint forces
-    contact_loss: NotNegative = 1.0  # squared pull that would be needed to keep the contact
-    effort: NotNegative = 0.01  # squared torques
-    torque_variation: NotNegative = 0.1  # torque changes from sample to sample; with 0.01 gains come out that chatter
-    saturation: NotNegative = 0.1  # squared torque asked for beyond the actuators' limits
+    # of the terms that plugins have registered
+    __pydantic_extra__: dict[str, NotNegative] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    @model_validator(mode="after")
+    def _known_terms(self) -> Weights:
+        for name in self.__pydantic_extra__:
+            if name not in cost_terms.terms():
+                must = f"a field of [tuning.weights]{closest(name, cost_terms.terms())}, or a term of a --plugin"
+                raise UserError(name, must, "unknown")
+        return self
+
+    def of_all(self) -> dict[str, float]:
+        """Weight of every term, also of those of plugins, in the order of ``cost_terms.terms()``."""
+        own = dict(self)
+        return {name: own.get(name, kind.made.weight) for name, kind in cost_terms.terms().items()}
 
 
 class TuningSection(Section):
