@@ -1,6 +1,6 @@
 """Terms of the tuner's cost as kinds: what should be small at a sample of a rollout, as ``tuning`` averages it.
 
->>> find(COST_TERM, "force").made.weight
+>>> terms()["force"].made.weight
 1.0
 """
 

@@ -8,7 +8,7 @@ WHOLE, LATE = "whole", "late"
 # How a quantity of all samples becomes one number; ``metrics/observer.py`` computes them.
 REDUCTIONS = (
     *("max", "min", "mean", "time", "root_mean", "root_max", "root_last", "last"),
-    *("variation", "time_if_complete"),
+    *("variation", "count", "time_if_complete"),
 )
 
 declare(
