@@ -19,7 +19,10 @@ import coopmm_jax as cm
 from coopmm_jax.animation import scene, stage, writers
 from coopmm_jax.animation.film import Animation, animate
 from coopmm_jax.animation.skeleton import placed, skeleton
+from coopmm_jax.animation.surface import THICKNESS, normals
+from coopmm_jax.parameters import Surface
 from coopmm_jax.plotting.lines import runs
+from tests.samples import SHAPES
 
 PULLED = tuple(round(255 * part) for part in to_rgb(scene.PULLS["edgecolor"]))
 
@@ -74,11 +77,25 @@ def test_joints_end_where_the_simulation_has_the_tips(run):
 
 def test_contact_lies_on_the_arc_and_its_normal_points_out_of_it(run):
     s = skeleton(run, np.arange(len(run.t)))
-    to_contact = run.tip[:, 0, :2] - s.centre
+    to_contact = run.tip[:, 0, :2] - (run.tip[:, 1, :2] - 0.7 * s.along)
     np.testing.assert_allclose(np.hypot(*to_contact.T), 0.7, rtol=1e-9)
     np.testing.assert_allclose(s.normal, to_contact / 0.7, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(s.radius, 0.7, rtol=1e-9)
+    inner, outer = np.split(np.array([0.7, 0.0]) + s.surface.outline(0.02), 2)
+    np.testing.assert_allclose(np.linalg.norm(inner, axis=1), 0.72, rtol=1e-14)
+    np.testing.assert_allclose(np.linalg.norm(outer, axis=1), 0.72 + THICKNESS, rtol=1e-14)
+    np.testing.assert_array_equal(s.shift, 0.0)
     np.testing.assert_array_equal(s.force, run.constraint_force[:, 0])
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_any_surface_is_drawn_where_its_level_vanishes(name):
+    shape = SHAPES[name]
+    n = np.array([-0.3, 0.0, 0.2])
+    points = np.stack([[float(shape.along(x)) for x in n], n], axis=-1)
+    normal = normals(Surface(shape=shape), points)
+    for (e, n), (out, aside) in zip(points, normal, strict=True):
+        assert float(shape.level(e + 1e-6 * out, n + 1e-6 * aside)) < 0.0 < float(shape.level(e - 1e-6 * out, n))
+        assert np.hypot(out, aside) == pytest.approx(1.0, rel=1e-14)
 
 
 def test_robots_should_be_on_the_papers_circles(run):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from coopmm_jax.animation.surface import DrawnSurface, normals, shifts
 from coopmm_jax.parameters import Geometry
 from coopmm_jax.plotting.motion import midpoints
 
@@ -25,11 +26,16 @@ class Skeleton(NamedTuple):
     forward: np.ndarray  # (F, 2, 2) unit vector of each platform's heading
     joints: np.ndarray  # (F, 2, 4, 3): foot and top of the column, elbow, tip
     desired: np.ndarray  # (F, 2, 2): desired axle midpoints
-    along: np.ndarray  # (F, 2) unit vector e of arm II
-    centre: np.ndarray  # (F, 2) of the object's arc
-    radius: np.ndarray  # (F,) of the arc
-    normal: np.ndarray  # (F, 2) horizontal unit vector out of the arc at the contact, away from robot I
+    frame: np.ndarray  # (F, 2, 2) unit vectors along arm II and across it: the object's frame
+    surface: DrawnSurface  # in the object's frame
+    shift: np.ndarray  # (F,) by which the surface has given way [m]
+    normal: np.ndarray  # (F, 2) horizontal unit vector out of the surface at the contact, away from robot I
     force: np.ndarray  # (F,) lambda_n [N], along the normal on the object: it presses if positive
+
+    @property
+    def along(self) -> np.ndarray:
+        """Unit vector e of arm II (F, 2)."""
+        return self.frame[:, 0]
 
 
 def skeleton(trajectory: Trajectory, instants: np.ndarray) -> Skeleton:
@@ -40,21 +46,21 @@ def skeleton(trajectory: Trajectory, instants: np.ndarray) -> Skeleton:
         instants: indices of samples (F,).
     """
     plant = trajectory.scenario.parameters().plant
-    q, point = trajectory.q[instants], trajectory.contact_point[instants]
+    t, q = trajectory.t[instants], trajectory.q[instants]
     joints = np.stack([_joints(geometry, q[:, i]) for i, geometry in enumerate(plant.geometry)], axis=1)
     along = _ahead(q[:, 1, 2] + q[:, 1, 3])
-    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
-    radius = np.hypot(*point.T)
+    frame = np.stack([along, np.stack([-along[:, 1], along[:, 0]], axis=-1)], axis=1)
+    touched = np.einsum("fij,fj->fi", frame, joints[:, 0, 3, :2] - joints[:, 1, 3, :2])
     return Skeleton(
-        t=trajectory.t[instants],
+        t=t,
         q=q,
         forward=_ahead(q[..., 2]),
         joints=joints,
         desired=midpoints(trajectory.zeta_desired[instants]),
-        along=along,
-        centre=joints[:, 1, 3, :2] - plant.surface.contact_radius * along,
-        radius=radius,
-        normal=(point[:, :1] * along + point[:, 1:] * across) / radius[:, None],
+        frame=frame,
+        surface=DrawnSurface(trajectory, touched),
+        shift=shifts(trajectory, t),
+        normal=np.einsum("fij,fi->fj", frame, normals(plant.surface, touched)),
         force=trajectory.constraint_force[instants, trajectory.rows.index("contact_normal")],
     )
 

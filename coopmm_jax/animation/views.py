@@ -16,12 +16,12 @@ from coopmm_jax.animation.scene import CIRCLE, EDGES, FACES, PRESSES, PULLS, TRA
 from coopmm_jax.animation.skeleton import WHEEL_HALF_THICKNESS, Skeleton, body_outline, placed, wheel_outlines
 from coopmm_jax.parameters import Geometry
 from coopmm_jax.plotting import lines, style
+from coopmm_jax.plotting.force import hatch_open
 
 if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
 
 TRAIL_TIME = 2.5  # [s] of the path behind each robot
-THICKNESS = 0.12  # of the object behind its concave surface [m]
 HEIGHT = 0.26  # of the object [m]
 GROUND = 0.05  # seen below the robots from the side [m]
 _ROBOTS = (0, 1)
@@ -38,7 +38,7 @@ class TopView:
             s: its skeleton at the frames.
             reach: visible distance from the world's origin to all sides [m].
         """
-        self._s, self._arc = s, _arc(run)
+        self._s = s
         plant = run.scenario.parameters().plant
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]", aspect="equal")
         for radius in run.scenario.parameters().reference.radius:
@@ -67,10 +67,7 @@ class TopView:
             nose = self._outlines[i][-1][:, 1].max()
             self._names[i].set_position(midpoint + 0.62 * nose * forward)
         self._desired.set_data(*s.desired[k].T)
-        across = np.array([-s.along[k, 1], s.along[k, 0]])
-        inner = s.radius[k] * self._arc
-        outer = inner[::-1] * (1.0 + THICKNESS / s.radius[k])
-        self._object.set_xy(s.centre[k] + np.concatenate([inner, outer]) @ np.stack([s.along[k], across]))
+        self._object.set_xy(s.joints[k, 1, 3, :2] + s.surface.outline(s.shift[k]) @ s.frame[k])
         self._arrow.show(s.joints[k, 0, 3, :2], s.normal[k], s.force[k])
 
 
@@ -86,7 +83,7 @@ class SideView:
             half_width: visible distance to both sides of the object [m].
             top: visible height above the ground [m].
         """
-        self._s, self._arc = s, _arc(run)
+        self._s = s
         axes.set(xlim=(-half_width, half_width), ylim=(-GROUND, top), aspect="equal")
         axes.set(xlabel="along arm II [m]", ylabel="height [m]")
         for axis in (axes.xaxis, axes.yaxis):
@@ -113,9 +110,8 @@ class SideView:
             for polygon, outline in zip(self._platforms[i], outlines, strict=True):
                 polygon.set_xy(outline + np.array([axle, 0.0]))
             self._names[i].set_position((axle + 0.25 * np.sign(axle), 0.85 * float(self._geometry[i].r)))
-        centre, height = (s.centre[k] - origin) @ along, s.joints[k, 1, 3, 2]
-        nearest, farthest = centre + s.radius[k] * self._arc[0, 0], centre + s.radius[k] + THICKNESS
-        self._object.set_xy(_box(nearest, farthest, height - HEIGHT / 2, height + HEIGHT / 2))
+        depth, height = s.surface.outline(s.shift[k])[:, 0], s.joints[k, 1, 3, 2]
+        self._object.set_xy(_box(depth.min(), depth.max(), height - HEIGHT / 2, height + HEIGHT / 2))
         tip = s.joints[k, 0, 3]
         contact = np.array([(tip[:2] - origin) @ along, tip[2]])
         self._arrow.show(contact, np.array([s.normal[k] @ along, 0.0]), s.force[k])
@@ -138,6 +134,7 @@ class ForceStrip:
         axes.axhline(run.constraint_force_desired[0], **style.REFERENCE)
         axes.plot(t, force, color=PRESSES["facecolor"], linewidth=1.0)
         axes.fill_between(t, force, 0.0, where=force < 0.0, interpolate=True, linewidth=0.6, **PULLS)
+        hatch_open(axes, run, linewidth=0.0, **PULLS)
         self.cast = Cast(axes)
         self._now = self.cast.line(color="0.45", linewidth=0.9)
         self._mark = self.cast.line(marker="o", markersize=5.5, markeredgecolor="white")
@@ -165,14 +162,6 @@ def extent(run: Trajectory, s: Skeleton) -> tuple[float, float, float]:
 def _circle(axes: Axes, radius: float, linestyle: object) -> None:
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     axes.plot(radius * np.cos(angle), radius * np.sin(angle), linestyle=linestyle, **CIRCLE)
-
-
-def _arc(run: Trajectory) -> np.ndarray:
-    """Points (k, 2) of an arc of radius 1 about arm II's axis, as wide as the tip of robot I slides, and more."""
-    swept = np.abs(np.arctan2(run.contact_point[:, 1], run.contact_point[:, 0])).max()
-    half = np.clip(swept + 0.15, 0.7, np.pi)
-    angle = np.linspace(-half, half, 41)
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def _platform_from_the_side(geometry: Geometry, forward: np.ndarray, along: np.ndarray) -> list[np.ndarray]:

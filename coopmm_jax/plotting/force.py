@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,7 +27,8 @@ def contact_force(
 ) -> Figure:
     """Normal contact force [N] and its desired value (Fig. 10): the whole run, its start, and its settled part.
 
-    Hatched where the force is negative: there the contact would have opened.
+    Hatched where the force is negative: there the contact would have opened. Hatched over the whole height where a
+    compliant contact has opened.
 
     Args:
         trajectories: one, or several to compare.
@@ -115,7 +116,20 @@ def contact_panel(axes: Axes, group: Sequence[Run], window: tuple[float, float] 
         if force.min(initial=0.0) < 0.0:
             axes.fill_between(t, force, 0.0, where=force < 0.0, interpolate=True, label=label, **LOST)
             label = "_lost"  # one entry in the legend
+        if hatch_open(axes, run.trajectory, window, label=label, **LOST):
+            label = "_lost"
     style.legend(axes)
+
+
+def hatch_open(axes: Axes, run: Trajectory, window: tuple[float, float] = (-np.inf, np.inf), **look: Any) -> bool:
+    """Hatch the times [s] at which a compliant contact is open, over the whole height of the axes; True if any are."""
+    if run.scenario.contact.model != "compliant":
+        return False
+    t, gap = samples(run, lambda run: run.constraint_residual[:, 0], window)
+    if gap.max(initial=0.0) <= 0.0:
+        return False
+    axes.fill_between(t, 0.0, 1.0, where=gap > 0.0, transform=axes.get_xaxis_transform(), **look)
+    return True
 
 
 def contact_start_panel(axes: Axes, group: Sequence[Run]) -> None:
