@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax.kinds.disturbances import Disturbance, Sine
+from coopmm_jax.kinds.disturbances import Disturbance, Sine, Step
 from coopmm_jax.mechanics import plant, robot_kinematics
 from coopmm_jax.mechanics.constraints import sliding_rows
 from coopmm_jax.mechanics.contact_surface import surface_motion
@@ -40,6 +40,15 @@ REAL = Hardware(
 NOW = 0.7  # [s]
 
 
+# On both robots alike, on each wheel and joint by itself, and on the object.
+DISTURBANCES = (
+    Disturbance(Sine(phase=0.3), scale=2.0),
+    Disturbance(
+        Step(0.1), 3.0, wheel=(0.4, -0.7), joint=0.2, left_wheel=(1.0, 2.0), joint_3=0.9, force=(3.0, -4.0, 5.0)
+    ),
+)
+
+
 class Case:
     """Simulator's answer at a random state, time and torque, with all that the plant can have switched on."""
 
@@ -48,8 +57,7 @@ class Case:
         pair, self.q = at_surface(SHAPES[shape], seed) if shape else random_pair(rng)
         if shape:
             self.q = on_rows(pair, self.q, surface_motion(REAL, NOW))
-        disturbance = (Disturbance(Sine(phase=0.3), scale=2.0),)
-        self.parameters = Parameters(plant=pair, nominal=pair.inertia, disturbance=disturbance, hardware=REAL)
+        self.parameters = Parameters(plant=pair, nominal=pair.inertia, disturbance=DISTURBANCES, hardware=REAL)
         self.structure = Structure(rows=rows, features=Features(friction=True, tip_friction=True, surface_motion=True))
         self.model = build_model(self.parameters)
         self.plant = hardware.plant_now(pair, REAL, NOW)

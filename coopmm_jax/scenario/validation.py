@@ -75,6 +75,8 @@ def _user_error(model: type[BaseModel], details: Mapping[str, Any]) -> UserError
         own = context["error"]
         prefixed = [".".join(filter(None, (field, name))) for name in (own.field, *own.more)]
         return UserError(prefixed[0], own.must, own.was, prefixed[1:])
+    if kind == "missing":
+        return UserError(field, "given", "missing")
     if kind == "extra_forbidden":
         return UserError(field, _known(model, path), "unknown")
     numbers = {name: f"{x:.10g}" if isinstance(x, int | float) else x for name, x in context.items()}

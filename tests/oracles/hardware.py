@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax.algebra.types import Scalar
-from coopmm_jax.kinds.disturbances import Disturbance
+from coopmm_jax.kinds.disturbances import Disturbance, Sine
 from coopmm_jax.mechanics.surfaces import Shape
 from coopmm_jax.parameters import Hardware, Parameters, Plant
 from tests.oracles import lagrangian
@@ -38,10 +38,34 @@ def friction_torque(hardware: Hardware, rates: jax.Array) -> jax.Array:
     return viscous * rates + coulomb * _fading_sign(rates, hardware.friction_speed)
 
 
+def strength(disturbance: Disturbance, t: Scalar) -> jax.Array:
+    """Scale times the value of a sine, or of a step that has risen, a scalar [-]."""
+    if isinstance(disturbance.wave, Sine):
+        return disturbance.scale * jnp.sin(disturbance.wave.frequency * t + disturbance.wave.phase)
+    return disturbance.scale * jnp.where(t > disturbance.wave.start + disturbance.wave.edge, 1.0, 0.0)
+
+
+def _of_both_robots(amplitude: Scalar | tuple | None) -> jax.Array | None:
+    if amplitude is None:
+        return None
+    return jnp.stack(amplitude) if isinstance(amplitude, tuple) else jnp.stack([amplitude, amplitude])
+
+
 def disturbance_torque(disturbance: Disturbance, t: Scalar) -> jax.Array:
-    """Torque of a sine that opposes the actuators (5,) [N m]."""
-    wave = disturbance.scale * jnp.sin(disturbance.wave.frequency * t + disturbance.wave.phase)
-    return wave * _per_actuator(disturbance.wheel, disturbance.joint)
+    """Torques that oppose the actuators of both robots (2, 5) [N m]."""
+    wheel, joint, *own = map(_of_both_robots, disturbance[2:9])
+    actuators = (wheel, wheel, joint, joint, joint)
+    amplitudes = [x if single is None else single for x, single in zip(actuators, own, strict=True)]
+    return strength(disturbance, t) * jnp.stack(amplitudes, axis=1)
+
+
+def force_on_object(parameters: Parameters, t: Scalar, q: jax.Array) -> jax.Array:
+    """What the disturbances' forces on the object, at tip II in the world, do on both robots (10,)."""
+    forces = [strength(each, t) * jnp.stack(each.force) for each in parameters.disturbance if each.force is not None]
+    if not forces:
+        return jnp.zeros(10)
+    tip = jax.jacobian(lambda q: lagrangian.bodies(parameters.plant.geometry[1], q).tip)(q[1])
+    return jnp.concatenate([jnp.zeros(5), (tip @ lagrangian.chained_basis(q[1])).T @ sum(forces)])
 
 
 class Moved(NamedTuple):
@@ -124,9 +148,10 @@ def driving_force(
     force = []
     for geometry, q_i, u_i, torque_i in zip(plant.geometry, q, u.reshape(2, 5), torque, strict=True):
         B = lagrangian.input_matrix(geometry, q_i)
-        losses = disturbance_torque(parameters.disturbance[0], t) + friction_torque(hardware, B.T @ u_i)
-        force.append(B @ (torque_i - losses))
-    return jnp.concatenate(force) + tip_friction(plant, hardware, q, u, normal)
+        losses = sum(disturbance_torque(each, t)[len(force)] for each in parameters.disturbance)
+        force.append(B @ (torque_i - losses - friction_torque(hardware, B.T @ u_i)))
+    rubbing = tip_friction(plant, hardware, q, u, normal)
+    return jnp.concatenate(force) + rubbing + force_on_object(parameters, t, q)
 
 
 @jax.jit
