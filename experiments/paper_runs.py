@@ -132,6 +132,26 @@ def contact() -> Figures:
     return figures
 
 
+def opening() -> Figures:
+    """Study with a contact that can open, with both readings of the feed-forward; full with a floor of 0.1."""
+    leaves = ("contact.model", "compliant")
+    projected = simulated(leaves)
+    gap = projected.constraint_residual[:, 0]
+    full, rigid = (simulated(("law.feedforward", "full"), ("law.delta_floor", 0.1), *more) for more in ((leaves,), ()))
+    measured = full.metrics
+    return {
+        "projected: gap above 0, 10, 100 mm [s]": [projected.t[np.argmax(gap > limit)] for limit in (0.0, 0.01, 0.1)],
+        "projected: contact after 10 ms, 1 if ever": float(np.any(gap[projected.t > 0.01] <= 0.0)),
+        "projected: status, when [s]": [projected.status.name, projected.status_time],
+        "full: time off the surface [s], largest gap [m]": [measured["airborne_time"], measured["gap_max"]],
+        "full: landings, largest force within 10 ms of one [N]": [measured["impacts"], measured["impact_force_max"]],
+        "full: largest difference of zeta from the rigid contact's [rad, m]": np.abs(full.zeta - rigid.zeta).max(),
+        "full: largest difference of lambda_n after 1 s [N]": np.abs(full.constraint_force - rigid.constraint_force)[
+            full.t > 1.0, 0
+        ].max(),
+    }
+
+
 def chatter() -> Figures:
     """Robust term as delta -> 0: total variation of robot I's wheel torques from 15 s to 20 s."""
     figures: Figures = {}
@@ -149,4 +169,4 @@ def _variation(run: Trajectory) -> np.ndarray:
     return np.abs(np.diff(run.torque[run.t >= 15.0, 0, :2], axis=0)).sum(axis=0)
 
 
-CHECKS = (coupling_blocks, stability, true_range, printed_law, contact, chatter)
+CHECKS = (coupling_blocks, stability, true_range, printed_law, contact, opening, chatter)

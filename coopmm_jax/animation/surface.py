@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax.mechanics.contact_surface import surface_motion
@@ -50,7 +51,7 @@ def shifts(run: Trajectory, t: np.ndarray) -> np.ndarray:
     """Distances (F,) [m] by which the surface has given way at times t (F,) [s]."""
     if not run.scenario.structure().features.surface_motion:
         return np.zeros(len(t))
-    return np.asarray(surface_motion(run.scenario.parameters().hardware, t).shift)
+    return np.asarray(surface_motion(run.scenario.parameters().hardware, jnp.asarray(t)).shift)
 
 
 def _arc(surface: Surface, touched: np.ndarray) -> np.ndarray:
