@@ -48,8 +48,22 @@ class Surface(NamedTuple):
 
     contact_radius: Scalar = 0.7  # Rc of the concave arc
     guide_radius: Scalar = 1.7  # radius of the object's circle
-    guide_height: Scalar = 1.0  # height of the object
+    guide_height: PyTree = 1.0  # height of the object; a number, or one over time (``kinds/courses.py``)
     shape: PyTree = None  # of another surface than the arc (``kinds/surfaces.py``)
+
+
+class Rail(NamedTuple):
+    """Guide along a path, on which the object runs freely."""
+
+    path: PyTree  # of ``kinds/paths.py``
+    start: Scalar = 0.0  # phase at which the search for the carriage begins
+
+
+class MovingRail(NamedTuple):
+    """Guide that holds the object abreast of a point that moves along a path: the paper's rheonomic constraint."""
+
+    path: PyTree  # of ``kinds/paths.py``
+    timing: PyTree  # of ``kinds/timings.py``
 
 
 class Plant(NamedTuple):
@@ -59,6 +73,7 @@ class Plant(NamedTuple):
     inertia: Pair[Inertia] = (Inertia(), Inertia(m_obj=0.5))
     surface: Surface = Surface()
     gravity: Scalar = 9.81
+    guide: PyTree = None  # Rail or MovingRail; None: the circle of ``surface``
 
 
 class Gains(NamedTuple):
@@ -88,7 +103,20 @@ class Reference(NamedTuple):
     arm_centre: Pair[Scalar] = (math.pi / 2, math.pi / 2)  # [rad]
     arm_swing: Pair[Scalar] = (math.pi / 6, 0.0)  # a1_d = centre - swing cos(arm_rate t) [rad]
     arm_rate: Scalar = 1.0  # [rad/s]
-    contact_force: Scalar = 15.0  # lambda_d of the contact normal [N]
+    contact_force: PyTree = (
+        15.0  # lambda_d of the contact normal [N]; a number, or one over time (``kinds/courses.py``)
+    )
+
+
+class PathReference(NamedTuple):
+    """Desired motion along a path of the object, with both platforms beside it."""
+
+    path: PyTree  # of the object, see ``kinds/paths.py``
+    timing: PyTree  # see ``kinds/timings.py``
+    offset: Pair[Scalar] = (0.7, -0.7)  # of each platform to the right of the path [m]
+    contact: PyTree = 0.0  # n_d, place of the contact across the object [m]; a number, or one over time
+    contact_force: PyTree = 15.0  # lambda_d of the contact normal [N]; likewise
+    surface: Surface = Surface()  # of the object, as far as the controller knows
 
 
 class Pose(NamedTuple):
@@ -139,7 +167,7 @@ class Parameters(NamedTuple):
     nominal: Pair[Inertia] = (Inertia(), Inertia(m_obj=0.5))  # the controller's model
     gains: Gains = Gains()
     disturbance: tuple[Disturbance, ...] = (Disturbance(),)
-    reference: Reference = Reference()
+    reference: Reference | PathReference = Reference()
     start: Pair[Pose] = PAPER_START
     hardware: Hardware = Hardware()
 

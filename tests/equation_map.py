@@ -23,6 +23,7 @@ EQUATIONS = {
     "mechanics.constrained_kinematics": ("(10)", "the constrained motion at one state"),
     "mechanics.constrained_dynamics": ("(9), (11)", "coupled dynamics, reduced inertia"),
     "control.reference": ("(6), (12), (13)", "desired motion and force"),
+    "control.path_motion": ("(8)", "desired motion beside any path"),
     "control.backstepping": ("(12)-(15)", "reference velocity z, errors s, filter eta"),
     "control.motion": ("(8), (12), (13), (15), (17)-(19)", "sigma, nu and the law U1 + U2"),
     "control.force": ("(17)", "force feed-forward and feedback lambda_h"),

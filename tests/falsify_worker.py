@@ -63,7 +63,7 @@ def replayed(found, problem, folder):
     path.write_text(found.scenario.to_toml(), encoding="utf-8")
     run = cm.simulate(cm.load_scenario(path))
     contact = run.rows.index("contact_normal")
-    error = run.constraint_force[:, contact] - run.constraint_force_desired[contact]
+    error = run.constraint_force[:, contact] - run.constraint_force_desired[:, contact]
     return float(np.mean(error**2) * problem.cost.coefficients[list(TERMS).index("force")])
 
 

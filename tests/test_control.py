@@ -167,7 +167,7 @@ def test_desired_motion_obeys_the_chained_form(robot):
 
 
 def test_only_the_contact_normal_is_asked_to_press():
-    assert reference.desired_force(Reference(), ALL_ROWS) == (15.0, 0.0, 0.0, 0.0)
+    assert reference.desired_force(Reference(), ALL_ROWS, 2.0) == (15.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("law", [LAWS[0], LAWS[1]], ids=["projected", "full"])

@@ -74,7 +74,7 @@ def object_and_tip(run):
 
 
 def forces(run):
-    force, error = run.constraint_force[:, 0], run.constraint_force[:, 0] - run.constraint_force_desired[0]
+    force, error = run.constraint_force[:, 0], run.constraint_force[:, 0] - run.constraint_force_desired[:, 0]
     late_force, late_error = force[late(run)], error[late(run)]
     return {
         "force_error_rms": np.sqrt(np.mean(error**2)),
@@ -157,6 +157,7 @@ def sample(force, wheel, position_error=0.0, joint=0.0):
         tip=(None, (1.7, 0.0, 1.0)),
         contact_point=planar(position[0].a1 - position[1].a1, 0.7),
         determinants=(-2.0,),
+        aim=None,
     )
 
 

@@ -12,10 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 
-from coopmm_jax.animation.scene import CIRCLE, EDGES, FACES, PRESSES, PULLS, TRAIL, Cast, ForceArrow
+from coopmm_jax.animation.scene import CURVE, EDGES, FACES, PRESSES, PULLS, TRAIL, Cast, ForceArrow
 from coopmm_jax.animation.skeleton import WHEEL_HALF_THICKNESS, Skeleton, body_outline, placed, wheel_outlines
 from coopmm_jax.parameters import Geometry
 from coopmm_jax.plotting import lines, style
+from coopmm_jax.plotting.curves import guide_curve, platform_curves
 from coopmm_jax.plotting.force import hatch_open
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ _ROBOTS = (0, 1)
 
 
 class TopView:
-    """Both robots from above, the circles of their references, and crosses at their desired positions."""
+    """Both robots from above, their desired paths and the object's guide, and crosses at their desired positions."""
 
     def __init__(self, axes: Axes, run: Trajectory, s: Skeleton, reach: float):
         """
@@ -39,21 +40,21 @@ class TopView:
             reach: visible distance from the world's origin to all sides [m].
         """
         self._s = s
-        plant = run.scenario.parameters().plant
+        parameters = run.scenario.parameters()
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]", aspect="equal")
-        for radius in run.scenario.parameters().reference.radius:
-            _circle(axes, float(radius), linestyle="-")
-        if "guide_radial" in run.rows:
-            _circle(axes, float(plant.surface.guide_radius), linestyle=(0, (4, 3)))
+        for points in platform_curves(parameters):
+            axes.plot(*points.T, linestyle="-", **CURVE)
+        if (points := guide_curve(run.rows, parameters)) is not None:
+            axes.plot(*points.T, linestyle=(0, (4, 3)), **CURVE)
         self.cast = cast = Cast(axes)
         self._trails = [cast.line(color=TRAIL[i], linewidth=2.0) for i in _ROBOTS]
-        self._outlines = [(*wheel_outlines(g), body_outline(g)) for g in plant.geometry]
+        self._outlines = [(*wheel_outlines(g), body_outline(g)) for g in parameters.plant.geometry]
         self._platforms = [cast.platform(i) for i in _ROBOTS]
         self._names = [cast.text(name, color=EDGES[i]) for i, name in enumerate(("I", "II"))]
         self._object = cast.polygon(facecolor=FACES[2], edgecolor=EDGES[2], linewidth=0.9)
         self._arms = {i: cast.arm(i) for i in (1, 0)}
         self._desired = cast.line(linestyle="", marker="x", markersize=4.5, color="0.25", markeredgewidth=1.0)
-        self._arrow = ForceArrow(cast, run.constraint_force_desired[0])
+        self._arrow = ForceArrow(cast, _usual_force(run))
 
     def show(self, k: int) -> None:
         """Move everything to frame k."""
@@ -95,7 +96,7 @@ class SideView:
         self._object = cast.polygon(facecolor=FACES[2], edgecolor=EDGES[2], linewidth=0.9)
         self._arms = [cast.arm(i) for i in _ROBOTS]
         self._names = [cast.text(name, color=EDGES[i]) for i, name in enumerate(("I", "II"))]
-        self._arrow = ForceArrow(cast, run.constraint_force_desired[0])
+        self._arrow = ForceArrow(cast, _usual_force(run))
 
     def show(self, k: int) -> None:
         """Move everything to frame k."""
@@ -131,7 +132,7 @@ class ForceStrip:
         self._s, self._limits = s, limits
         t, force = lines.samples(run, lambda run: run.constraint_force[:, 0])
         axes.set(xlabel="time [s]", ylabel="force [N]", ylim=limits)
-        axes.axhline(run.constraint_force_desired[0], **style.REFERENCE)
+        axes.plot(*lines.samples(run, lambda run: run.constraint_force_desired[:, 0]), **style.REFERENCE)
         axes.plot(t, force, color=PRESSES["facecolor"], linewidth=1.0)
         axes.fill_between(t, force, 0.0, where=force < 0.0, interpolate=True, linewidth=0.6, **PULLS)
         hatch_open(axes, run, linewidth=0.0, **PULLS)
@@ -152,16 +153,16 @@ def extent(run: Trajectory, s: Skeleton) -> tuple[float, float, float]:
     parameters = run.scenario.parameters()
     geometry = parameters.plant.geometry
     half_track, wheel = max(float(g.l) for g in geometry), max(float(g.r) for g in geometry)
-    reach = max(np.abs(s.q[..., :2]).max(), *(abs(float(radius)) for radius in parameters.reference.radius))
+    reach = max(np.abs(s.q[..., :2]).max(), *(np.abs(curve).max() for curve in platform_curves(parameters)))
     from_object = s.q[..., :2] - s.joints[:, 1, None, 3, :2]
     farthest = np.abs((from_object * s.along[:, None]).sum(axis=-1)).max()
     highest = max(s.joints[..., 2].max(), 2.0 * wheel)
     return reach + 1.3 * half_track + 0.1, farthest + half_track + 0.2, highest + 0.2
 
 
-def _circle(axes: Axes, radius: float, linestyle: object) -> None:
-    angle = np.linspace(0.0, 2.0 * np.pi, 181)
-    axes.plot(radius * np.cos(angle), radius * np.sin(angle), linestyle=linestyle, **CIRCLE)
+def _usual_force(run: Trajectory) -> float:
+    """Contact force that is drawn as an arrow of the usual length: the mean of the desired one [N]."""
+    return float(run.constraint_force_desired[:, 0].mean()) if len(run.t) else 0.0
 
 
 def _platform_from_the_side(geometry: Geometry, forward: np.ndarray, along: np.ndarray) -> list[np.ndarray]:

@@ -9,6 +9,7 @@ import jax
 from coopmm_jax.algebra.matrix import minus, norm, plus, scaled
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control import adaptive, backstepping
+from coopmm_jax.control.posture import desired_postures, with_posture
 from coopmm_jax.control.reference import Desired, desired_motion
 from coopmm_jax.mechanics import constrained_dynamics, partitioning
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
@@ -36,20 +37,14 @@ def arm_joints(part: Partition, position: Pair[Position]) -> Pair[Vector]:
     return per_robot(chosen, position, part.independent)
 
 
-def with_posture(desired: Desired, posture: Vector, count: int) -> Desired:
-    """Desired motion of one robot whose first ``count`` arm joints are independent: yaw, then ``posture`` [rad]."""
-    held = posture[: count - 1]
-    return desired._replace(arm=desired.arm + tuple(held), arm_rate=desired.arm_rate + (0.0,) * len(held))
-
-
 def reference_velocities(model: Model, part: Partition, t: Scalar, position: Pair[Position], eta: Pair) -> Vector:
     """z (n,) of both robots, (12) and (13)."""
 
-    def of_one(desired: Desired, posture: Vector, p: Position, arm: Vector, e: Scalar) -> Vector:
+    def of_one(desired: Desired, posture: tuple[Vector, Vector], p: Position, arm: Vector, e: Scalar) -> Vector:
         return backstepping.reference_velocity(model.gains, with_posture(desired, posture, len(arm)), p, arm, e)
 
     arms, targets = arm_joints(part, position), desired_motion(model.reference, t)
-    first, second = per_robot(of_one, targets, model.posture, position, arms, eta)
+    first, second = per_robot(of_one, targets, desired_postures(model, part, t), position, arms, eta)
     return first + second
 
 

@@ -1,13 +1,17 @@
-"""Desired motion and force of section IV, with the derivatives that (12) and (13) ask for."""
+"""Desired motion and force, with the derivatives that (12) and (13) ask for."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from coopmm_jax.algebra.sincos import sincos
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.control.path_motion import Aim, Known, known_at
+from coopmm_jax.kinds.courses import current
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.parameters import Reference
+from coopmm_jax.mechanics.surfaces import shape_of
+from coopmm_jax.parameters import PathReference, Reference, Surface
 
 
 class Desired(NamedTuple):
@@ -23,8 +27,34 @@ class Desired(NamedTuple):
     arm_rate: Vector  # [rad/s]
 
 
-def desired_motion(reference: Reference, t: Scalar) -> Pair[Desired]:
-    """At t [s] both robots drive circles of radius z_d2 at a constant rate; arm yaw swings about its centre.
+AnyReference = Reference | PathReference | Known
+
+
+def at_instant(reference: AnyReference, t: Scalar, aim: Aim | None = None) -> Reference | Known:
+    """The reference as whatever is asked of it at t [s] should use it: a path is then evaluated once.
+
+    Args:
+        reference: of the rollout.
+        t: time [s].
+        aim: of a path at that time, where it is known already.
+    """
+    if not isinstance(reference, PathReference):
+        return reference
+    return known_at(reference, t) if aim is None else Known(reference, aim, t)
+
+
+def desired_motion(reference: AnyReference, t: Scalar) -> Pair[Desired]:
+    """Desired motion of both robots at t [s].
+
+    >>> desired_motion(Reference(rate=2.0), 0.0)[0].u1
+    2.0
+    """
+    now = at_instant(reference, t)
+    return _circles(now, t) if isinstance(now, Reference) else _beside_the_path(now, t)
+
+
+def _circles(reference: Reference, t: Scalar) -> Pair[Desired]:
+    """Both robots drive circles of radius z_d2 at a constant rate, as in section IV; arm yaw swings about its centre.
 
     The chained form (6) of a circle about the origin is z_d = (rate t, radius, 0), u_d = (rate, 0).
     """
@@ -37,6 +67,56 @@ def desired_motion(reference: Reference, t: Scalar) -> Pair[Desired]:
     return per_robot(circle, reference.radius, reference.arm_centre, reference.arm_swing)
 
 
-def desired_force(reference: Reference, rows: tuple[str, ...]) -> Vector:
-    """lambda_d (m,) [N]: the contact presses, every other row idles."""
-    return tuple(reference.contact_force if name == "contact_normal" else 0.0 for name in rows)
+def _beside_the_path(known: Known, t: Scalar) -> Pair[Desired]:
+    """Motion along a path, to first order about the instant at which it is known: enough for values and first rates."""
+    aim, delay = known.aim, t - known.t
+    heading = aim.heading + delay * aim.turn.value
+    across = aim.across + delay * aim.turn.value * aim.ahead
+    ahead = aim.ahead + delay * aim.advance
+    turn, turn_rate = aim.turn.value + delay * aim.turn.rate, aim.turn.rate + delay * aim.turn.acceleration
+    advance = aim.advance + delay * aim.advance_rate
+    arms = (
+        ((aim.yaw.value + delay * aim.yaw.rate,), (aim.yaw.rate + delay * aim.yaw.acceleration,)),
+        ((0.5 * math.pi,), (0.0,)),
+    )
+
+    def beside(offset: Scalar, arm: tuple[Vector, Vector]) -> Desired:
+        return Desired(heading, across + offset, ahead, turn, advance, turn_rate, *arm)
+
+    return per_robot(beside, known.reference.offset, arms)
+
+
+def desired_force(reference: AnyReference, rows: tuple[str, ...], t: Scalar) -> Vector:
+    """lambda_d (m,) [N] at t [s]: the contact presses, every other row idles."""
+    force = reference.aim.force if isinstance(reference, Known) else current(reference.contact_force, t)
+    return tuple(force if name == "contact_normal" else 0.0 for name in rows)
+
+
+def desired_object(reference: Reference | Known, surface: Surface, second: Desired) -> tuple[Scalar, Scalar]:
+    """Place of the object along platform II's desired axes, lateral and forward [m].
+
+    Args:
+        reference: of the rollout, at one instant.
+        surface: with the radius of the object's circle.
+        second: desired motion of robot II.
+    """
+    if isinstance(reference, Reference):
+        return surface.guide_radius, 0
+    return second.z2 - reference.reference.offset[1], second.z3
+
+
+def desired_contact(reference: Reference | Known, surface: Surface, desired: Pair[Desired]) -> Vector:
+    """Place of tip I along arm II and across it (2,), from the centre of the object's arc, else from the object [m].
+
+    Args:
+        reference: of the rollout, at one instant.
+        surface: of the object.
+        desired: motion of both robots.
+    """
+    radius = surface.contact_radius
+    if isinstance(reference, Known):
+        along = shape_of(surface).along(reference.aim.contact)
+        return along if surface.shape is not None else radius + along, reference.aim.contact
+    one, two = desired
+    s, c = sincos((one.z1 - two.z1) + (one.arm[0] - two.arm[0]))
+    return radius * c, radius * s

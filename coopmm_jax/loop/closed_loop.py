@@ -6,14 +6,14 @@ import functools
 
 from coopmm_jax.algebra.types import PyTree, Scalar
 from coopmm_jax.control.controller import motion_control
+from coopmm_jax.control.reference import at_instant
 from coopmm_jax.loop.devices import device_rates
 from coopmm_jax.loop.force_loop import Instant, act, independent_velocity, observe
 from coopmm_jax.loop.form import Form
 from coopmm_jax.loop.integrate import rk4_step
 from coopmm_jax.loop.state import Signals, State
-from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import Model
-from coopmm_jax.mechanics.plant import plant_kinematics, rates_without_drift
+from coopmm_jax.mechanics.plant import carriage_rate, expected_kinematics, plant_kinematics, rates_without_drift
 from coopmm_jax.parameters import Structure
 
 
@@ -29,10 +29,11 @@ def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> 
     Returns:
         The time derivative, as a ``State``, and the ``Signals`` at t.
     """
-    truth = plant_kinematics(structure, model, t, state.position, state.velocity)
+    model = model._replace(reference=at_instant(model.reference, t))
+    truth = plant_kinematics(structure, model, t, state.position, state.velocity, state.carriage)
     seen, independent = truth, independent_velocity(structure, truth, state)
     if structure.features.surface_motion or structure.compliant:
-        seen = kinematics(model, structure.rows, state.position, independent)
+        seen = expected_kinematics(structure, model, t, state.position, independent, state.carriage)
     now = Instant(structure, model, t, truth, seen, state)
     command = motion_control(structure, model, t, seen, independent, state.controller)
     action = act(now, command)
@@ -41,6 +42,7 @@ def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> 
         action.moved.independent,
         command.rates(action.measured_error),
         device_rates(structure, model, action.target, action.moved.multipliers, state.devices),
+        carriage_rate(structure, model, truth),
     )
     return rates, observe(now, command.sigma, action)
 

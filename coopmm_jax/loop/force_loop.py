@@ -8,6 +8,7 @@ from coopmm_jax.algebra.matrix import minus, plus
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control.controller import MotionCommand
 from coopmm_jax.control.force import force_command, ideal_force_error
+from coopmm_jax.control.path_motion import Known
 from coopmm_jax.control.reference import desired_force
 from coopmm_jax.loop.devices import biased, ideal_sensing, limited
 from coopmm_jax.loop.state import Action, Signals, State
@@ -114,7 +115,7 @@ def _solution_is_exact(structure: Structure) -> bool:
 
 
 def _desired(now: Instant) -> Vector:
-    return desired_force(now.model.reference, now.structure.rows)
+    return desired_force(now.model.reference, now.structure.rows, now.t)
 
 
 def _error(now: Instant, force: Vector) -> Vector:
@@ -156,4 +157,6 @@ def observe(now: Instant, sigma: Vector, action: Action) -> Signals:
         tip=per_robot(tip_in_platform, now.model.geometry, now.state.position, truth.bodies.arm),
         contact_point=truth.reduction.rows.contact_point,
         determinants=(now.seen if truth.touch else truth).reduction.determinants,
+        carriage=now.state.carriage,
+        aim=now.model.reference.aim if isinstance(now.model.reference, Known) else None,
     )

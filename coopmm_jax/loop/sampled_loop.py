@@ -10,14 +10,14 @@ import jax
 from coopmm_jax.algebra.matrix import minus, plus
 from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
 from coopmm_jax.control.controller import ControllerState, motion_control
-from coopmm_jax.control.reference import desired_force
+from coopmm_jax.control.reference import at_instant, desired_force
 from coopmm_jax.loop.devices import Noise, draw_noise, sense, torque_rates
 from coopmm_jax.loop.force_loop import Instant, act, independent_velocity, observe
 from coopmm_jax.loop.form import Form
 from coopmm_jax.loop.integrate import recomputed, rk4_hold
 from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics import plant
-from coopmm_jax.mechanics.constrained_kinematics import Kinematics, kinematics
+from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.robot import by_robot, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, actuator_force
@@ -30,6 +30,7 @@ class _Motion(NamedTuple):
     position: Pair[Position]
     velocity: Vector
     torque: Vector  # (10,) of lagging actuators; empty otherwise
+    carriage: Vector  # (1,) of a rail; empty otherwise
 
 
 class _Decision(NamedTuple):
@@ -64,15 +65,16 @@ def sampled_step(
     step, (start,) = period / structure.substeps, form.lifted(_motion)(state)
     moved, forces = rk4_hold(held, t, step, structure.substeps, start)
     finish = form.lifted(functools.partial(_next, structure, sample, period))
-    return finish(model, state, signals, decision, moved, forces)
+    return finish(model, t, state, signals, decision, moved, forces)
 
 
 def _decide(
     structure: Structure, sample: Scalar, model: Model, t: Scalar, state: State
 ) -> tuple[Pair[Vector], _Decision, Signals]:
     """Torques to be held [N m], rates of the controller, and the signals."""
-    truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity)
-    seen, independent, noise = _measure(structure, model, sample, truth, state)
+    model = model._replace(reference=at_instant(model.reference, t))
+    truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity, state.carriage)
+    seen, independent, noise = _measure(structure, model, sample, t, truth, state)
     now = Instant(structure, model, t, truth, seen, state)
     command = motion_control(structure, model, t, seen, independent, state.controller)
     action = act(now, command)
@@ -80,7 +82,7 @@ def _decide(
 
 
 def _measure(
-    structure: Structure, model: Model, sample: Scalar, truth: Kinematics, state: State
+    structure: Structure, model: Model, sample: Scalar, t: Scalar, truth: Kinematics, state: State
 ) -> tuple[Kinematics, Vector, Noise | None]:
     """The robots' state as the controller measures it, and the sample's noise."""
     noise = draw_noise(structure, model, sample) if structure.features.noise else None
@@ -90,23 +92,24 @@ def _measure(
     if noise is not None:
         position = per_robot(lambda p, error: Position(*plus(p, error)), position, noise.position)
         independent = plus(independent, noise.velocity)
-    return kinematics(model, structure.rows, position, independent), independent, noise
+    return plant.expected_kinematics(structure, model, t, position, independent, state.carriage), independent, noise
 
 
 def _motion(state: State) -> tuple[_Motion]:
-    return (_Motion(state.position, state.velocity, state.devices.torque),)
+    return (_Motion(state.position, state.velocity, state.devices.torque, state.carriage),)
 
 
 def _driven(structure: Structure, known: tuple[Model, Pair[Vector]], t: Scalar, x: _Motion) -> tuple[_Motion, Vector]:
     """Rates of robots and actuators under a constant torque command; also lambda (m,)."""
     model, target = known
-    k = plant.plant_kinematics(structure, model, t, x.position, x.velocity)
+    k = plant.plant_kinematics(structure, model, t, x.position, x.velocity, x.carriage)
     lagging = structure.features.actuator_lag
     applied = by_robot(x.torque) if lagging else target
     force = per_robot(actuator_force, model.geometry, x.position, applied)
     moved = plant.respond(structure, model, t, k, force)
     torque = torque_rates(model, target, x.torque) if lagging else ()
-    return _Motion(plant.rates_without_drift(k), moved.independent, torque), moved.multipliers
+    carriage = plant.carriage_rate(structure, model, k)
+    return _Motion(plant.rates_without_drift(k), moved.independent, torque, carriage), moved.multipliers
 
 
 def _next(
@@ -114,6 +117,7 @@ def _next(
     sample: Scalar,
     period: Scalar,
     model: Model,
+    t: Scalar,
     state: State,
     signals: Signals,
     decision: _Decision,
@@ -126,6 +130,7 @@ def _next(
     """
     controller = jax.tree.map(lambda x, rate: x + period * rate, state.controller, decision.controller)
     devices = sense(structure, model, sample, period, state.devices, forces, decision.noise)
-    force_error = minus(forces, desired_force(model.reference, structure.rows))
+    force_error = minus(forces, desired_force(model.reference, structure.rows, t))
     signals = signals._replace(constraint_force=forces, force_error=force_error)
-    return State(moved.position, moved.velocity, controller, devices._replace(torque=moved.torque)), signals
+    devices = devices._replace(torque=moved.torque)
+    return State(moved.position, moved.velocity, controller, devices, moved.carriage), signals

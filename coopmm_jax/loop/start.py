@@ -15,6 +15,7 @@ from coopmm_jax.loop.devices import initial_devices
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.compliant_contact import pressed_in
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
+from coopmm_jax.mechanics.guide import carriage_step, needs_carriage
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import dependent_solution, partition
 from coopmm_jax.mechanics.plant import plant_kinematics
@@ -35,35 +36,38 @@ class Start(NamedTuple):
 
 
 def initial_state(structure: Structure, model: Model, parameters: Parameters) -> Start:
-    """Robots at rest on the constraints: Newton's iteration on the dependent joints from ``parameters.start``."""
+    """Robots at rest on the constraints, by Newton's iteration on the dependent joints and a rail's carriage."""
     n = sum(map(len, partition(structure.rows).independent))
     zero = parameters.plant.gravity * 0.0
     still = (zero,) * n
     rigid = structure._replace(contact="rigid")
-    pressed = _pressed_in(structure, model)
+    pressed = _pressed_in(structure, model, zero)
 
-    def solve(position: Pair[Position]) -> tuple[Kinematics, Vector]:
-        k = plant_kinematics(rigid, model, zero, position, still)
+    def solve(position: Pair[Position], carriage: Vector) -> tuple[Kinematics, Vector]:
+        k = plant_kinematics(rigid, model, zero, position, still, carriage)
         return k, plus(k.reduction.rows.phi, pressed)
 
-    def newton(position: Pair[Position], _: None) -> tuple[Pair[Position], None]:
-        k, residual = solve(position)
-        return per_robot(arm_moved, position, dependent_solution(k.reduction, residual)), None
+    def newton(at: tuple[Pair[Position], Vector], _: None) -> tuple[tuple[Pair[Position], Vector], None]:
+        k, residual = solve(*at)
+        moved = per_robot(arm_moved, at[0], dependent_solution(k.reduction, residual))
+        return (moved, tuple(s + carriage_step(k.bodies.guide) for s in at[1])), None
 
-    position, _ = jax.lax.scan(newton, per_robot(chained, parameters.start), None, length=_NEWTON_STEPS)
-    k, residuals = solve(position)
+    carriage = (zero + model.guide.start,) if needs_carriage(structure.rows, model) else ()
+    first = (per_robot(chained, parameters.start), carriage)
+    (position, carriage), _ = jax.lax.scan(newton, first, None, length=_NEWTON_STEPS)
+    k, residuals = solve(position, carriage)
     residual = jnp.abs(residuals[0])
     for phi in residuals[1:]:
         residual = jnp.maximum(residual, jnp.abs(phi))
     controller = at_rest(parameters.gains, n, len(structure.rows), zero)
     velocity = (zero,) * sum(map(len, partition(structure.plant_rows).independent))
-    state = State(position, velocity, controller, initial_devices(structure, zero))
+    state = State(position, velocity, controller, initial_devices(structure, zero), carriage)
     return Start(state, residual, k.reduction.determinants)
 
 
-def _pressed_in(structure: Structure, model: Model) -> Vector:
+def _pressed_in(structure: Structure, model: Model, zero: Scalar) -> Vector:
     """Depth of each row (m,) [m] at which the desired force holds a compliant contact; a constraint has none."""
     if not structure.compliant:
         return (0,) * len(structure.rows)
-    desired = desired_force(model.reference, structure.rows)[0]
+    desired = desired_force(model.reference, structure.rows, zero)[0]
     return (pressed_in(model.hardware, desired), *(0,) * (len(structure.rows) - 1))

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control.controller import ControllerState
+from coopmm_jax.control.path_motion import Aim
 from coopmm_jax.loop.devices import Devices
 from coopmm_jax.mechanics.constrained_dynamics import Accelerations
 from coopmm_jax.mechanics.robot_kinematics import Position
@@ -18,6 +19,7 @@ class State(NamedTuple):
     velocity: Vector  # u^1 (n,)
     controller: ControllerState
     devices: Devices = Devices()
+    carriage: Vector = ()  # (1,) of a rail that guides the object, a phase of its path
 
 
 class Signals(NamedTuple):
@@ -35,6 +37,8 @@ class Signals(NamedTuple):
     tip: Pair[Vector]  # lateral, forward (from the world's origin, platform axes) and height of each tip [m]
     contact_point: Vector  # D = p1 - C along arm II and across it [m]
     determinants: tuple[Scalar, ...]  # singular arm where one vanishes
+    carriage: Vector = ()  # (1,) of a rail
+    aim: Aim | None = None  # desired motion along a path; None of a circle
 
 
 class Action(NamedTuple):

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from coopmm_jax.algebra.matrix import Matrix, plus
-from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.algebra.matrix import Matrix, is_zero, plus
+from coopmm_jax.algebra.types import Pair, Vector
 from coopmm_jax.mechanics import robot_dynamics
 from coopmm_jax.mechanics.compliant_contact import Touch
 from coopmm_jax.mechanics.constraints import Bodies, bodies, constraint_rows, convective
 from coopmm_jax.mechanics.contact_surface import SurfaceMotion
+from coopmm_jax.mechanics.guide import Guide, in_rows, sideways_rate
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import Reduction, dependent_solution, expand, reduce
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_dynamics import Factors
 from coopmm_jax.mechanics.robot_kinematics import Position, Posture
 from coopmm_jax.parameters import Geometry
+
+NO_GUIDE = Guide()
 
 
 class Kinematics(NamedTuple):
@@ -35,6 +38,7 @@ def kinematics(
     position: Pair[Position],
     independent: Vector,
     motion: SurfaceMotion | None = None,
+    guide: Guide = NO_GUIDE,
 ) -> Kinematics:
     """(10) at one state.
 
@@ -44,17 +48,16 @@ def kinematics(
         position: of each robot.
         independent: u^1 (n,).
         motion: of the object's surface. It adds to what (10) says: u = L u^1 + c with J c = -dphi/dt.
+        guide: of the object, as far as it is not the circle; one that moves adds to (10) likewise.
     """
-    b = bodies(model.surface, model.geometry, position)
-    reduction = reduce(constraint_rows(model.surface, rows, b, motion), rows)
+    surface = model.surface if guide.lift is None else model.surface._replace(guide_height=guide.lift.height)
+    b = bodies(surface, model.geometry, position, guide.track)
+    reduction = reduce(constraint_rows(surface, rows, b, motion), rows)
     velocity = expand(reduction, independent)
-    phi_rate, phi_acceleration = (0, 0) if motion is None else b.contact.phi_rates(motion)
-    if motion is not None:
-        carried = dependent_solution(reduction, _in_normal_row(rows, phi_rate))
-        velocity = per_robot(plus, velocity, carried)
-    bias = convective(model.surface, model.geometry, rows, b, velocity)
-    if motion is not None:
-        bias = plus(bias, _in_normal_row(rows, phi_acceleration))
+    phi_rate, phi_acceleration = _over_time(rows, b, motion, guide)
+    if not all(map(is_zero, phi_rate)):
+        velocity = per_robot(plus, velocity, dependent_solution(reduction, phi_rate))
+    bias = plus(convective(surface, model.geometry, rows, b, velocity), phi_acceleration)
 
     def factors(geometry: Geometry, arm: Posture, T: Matrix, u: Vector) -> Factors:
         return robot_dynamics.factors(geometry, model.gravity, arm, T @ u)
@@ -63,5 +66,13 @@ def kinematics(
     return Kinematics(b, reduction, velocity, each, dependent_solution(reduction, bias))
 
 
-def _in_normal_row(rows: tuple[str, ...], value: Scalar) -> Vector:
-    return tuple(value if name == "contact_normal" else 0 for name in rows)
+def _over_time(rows: tuple[str, ...], b: Bodies, motion: SurfaceMotion | None, guide: Guide) -> tuple[Vector, Vector]:
+    """dphi/dt (m,) at fixed robots [m/s], and what their motion leaves out of d2phi/dt2 [m/s^2]."""
+    rate, acceleration = {}, {}
+    if motion is not None:
+        rate["contact_normal"], acceleration["contact_normal"] = b.contact.phi_rates(motion)
+    if b.guide is not None:
+        rate["guide_radial"] = sideways_rate(b.guide)  # its acceleration is in the row's convective part
+    if guide.lift is not None:
+        rate["guide_height"], acceleration["guide_height"] = -guide.lift.rate, -guide.lift.acceleration
+    return in_rows(rows, rate), in_rows(rows, acceleration)

@@ -1,8 +1,9 @@
 """The constraint rows behind (10): residual phi, Jacobian J, and Jdot u, row by row.
 
-``contact_normal`` and ``contact_height`` tie the tip of robot I to the object carried by robot II; ``guide_radial`` and
-``guide_height`` hold robot II's tip, the object, on its circle. Tips and the arc's centre are handled along the two
-arms' own horizontal axes (e along the arm, n across), so only the angle between the arms meets a sine.
+``contact_normal`` and ``contact_height`` tie the tip of robot I to the object carried by robot II; ``guide_radial``
+and ``guide_height`` hold robot II's tip, the object, on its circle or another path (``guide.py``). Tips and the arc's
+centre are handled along the two arms' own horizontal axes (e along the arm, n across), so only the angle between the
+arms meets a sine.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.mechanics import robot_kinematics
 from coopmm_jax.mechanics.arc_contact import ArcContact, arc_contact
 from coopmm_jax.mechanics.contact_surface import SurfaceMotion
+from coopmm_jax.mechanics.guide import GuideFrame, Track, guide_frame, sideways, sideways_bias, sideways_row
 from coopmm_jax.mechanics.level_contact import LevelContact, level_contact
 from coopmm_jax.mechanics.robot import JOINTS, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, Posture
@@ -21,13 +23,14 @@ from coopmm_jax.parameters import Geometry, Surface
 
 
 class Bodies(NamedTuple):
-    """Both robots' kinematics at one instant (each field but the contact a pair, robot I and II)."""
+    """Both robots' kinematics at one instant (each field but the last two a pair, robot I and II)."""
 
     position: Pair[Position]
     arm: Pair[Posture]
     T: Pair[Matrix]  # body rates from u
     tip: Pair[tuple[Vector, Vector, Vector]]  # Jacobian rows along e, n, up
     contact: ArcContact | LevelContact
+    guide: GuideFrame | None = None  # None: the circle
 
 
 class Rows(NamedTuple):
@@ -39,8 +42,8 @@ class Rows(NamedTuple):
     contact_point: Vector  # tip I from the arc's centre, else from the object, along arm II's axes (e, n) [m]
 
 
-def bodies(surface: Surface, geometry: Pair[Geometry], position: Pair[Position]) -> Bodies:
-    """Kinematics shared by inertia, constraints and control."""
+def bodies(surface: Surface, geometry: Pair[Geometry], position: Pair[Position], track: Track | None = None) -> Bodies:
+    """Kinematics shared by inertia, constraints and control; ``track`` guides the object, if not the circle."""
     arms = per_robot(robot_kinematics.posture, geometry, position)
     tips = per_robot(robot_kinematics.tip_position, geometry, position, arms)
     return Bodies(
@@ -49,6 +52,7 @@ def bodies(surface: Surface, geometry: Pair[Geometry], position: Pair[Position])
         per_robot(robot_kinematics.body_map, position),
         per_robot(robot_kinematics.tip_rows, geometry, arms),
         _contact(surface, position, tips),
+        None if track is None else guide_frame(track, position[1], tips[1]),
     )
 
 
@@ -80,6 +84,8 @@ def constraint_rows(surface: Surface, names: tuple[str, ...], b: Bodies, motion:
         ),
         "guide_height": (b.arm[1].height - surface.guide_height, none, up2),
     }
+    if b.guide is not None:
+        table["guide_radial"] = (sideways(b.guide), none, sideways_row(b.guide, e2, n2))
     phi, J1, J2 = tuple(zip(*(table[name] for name in names), strict=True)) or ((),) * 3
     contacts = sum(name.startswith("contact") for name in names)
     return Rows(phi, (Matrix(J1) @ b.T[0], Matrix(J2) @ b.T[1]), contacts, at.point)
@@ -117,4 +123,6 @@ def convective(
         "guide_radial": (dot(v2[:2], v2[:2]) + dot(at.tip2, a2[:2])) / surface.guide_radius,
         "guide_height": a2[2],
     }
+    if b.guide is not None:
+        table["guide_radial"] = sideways_bias(b.guide, v2[:2], a2[:2])
     return tuple(table[name] for name in names)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from coopmm_jax.algebra.sincos import wrapped
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.kinds.courses import current
 from coopmm_jax.kinds.disturbances import Disturbance
 from coopmm_jax.mechanics.randomness import drawn_before
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_dynamics import Lumped, lump
 from coopmm_jax.mechanics.robot_kinematics import arm_angles
-from coopmm_jax.parameters import Gains, Geometry, Hardware, Parameters, Pose, Reference, Surface
+from coopmm_jax.parameters import Gains, Geometry, Hardware, Parameters, PathReference, Pose, Reference, Surface
 
 
 class Model(NamedTuple):
@@ -24,9 +25,10 @@ class Model(NamedTuple):
     nominal: Pair[Lumped]  # the controller's
     gains: Gains
     disturbance: tuple[Disturbance, ...]
-    reference: Reference
+    reference: Reference | PathReference
     posture: Pair[Vector]  # desired (a2, a3) of each robot where they are independent [rad]
     hardware: Hardware
+    guide: Any  # Rail, MovingRail or None
 
 
 def build_model(parameters: Parameters) -> Model:
@@ -48,6 +50,7 @@ def build_model(parameters: Parameters) -> Model:
         reference=parameters.reference,
         posture=nominal_posture(parameters),
         hardware=parameters.hardware,
+        guide=plant.guide,
     )
 
 
@@ -64,13 +67,19 @@ def nominal_posture(parameters: Parameters) -> Pair[Vector]:
 
     Robot II's arm works over its back (arm yaw pi/2 points at the centre), so its reach is the platform's radius less
     the object's; robot I reaches Rc to the object's arc, and to the middle of another surface what is between its
-    platform's radius and the object's. Elbows stay on the side they start on.
+    platform's radius and the object's. Elbows stay on the side they start on. Beside a path this is the posture in the
+    middle of the object, from which ``control/posture.py`` takes the elbows.
     """
-    plant, surface, radius = parameters.plant, parameters.plant.surface, parameters.reference.radius
-    to_surface = surface.contact_radius if surface.shape is None else radius[0] - surface.guide_radius
-    reaches = (to_surface, radius[1] - surface.guide_radius)
+    plant, surface, reference = parameters.plant, parameters.plant.surface, parameters.reference
+    height = current(surface.guide_height, plant.gravity * 0.0)
+    if isinstance(reference, PathReference):
+        reaches = reference.offset
+    else:
+        radius = reference.radius
+        to_surface = surface.contact_radius if surface.shape is None else radius[0] - surface.guide_radius
+        reaches = (to_surface, radius[1] - surface.guide_radius)
 
     def angles(g: Geometry, reach: Scalar, start: Pose) -> Vector:
-        return arm_angles(g, reach, surface.guide_height - 2.0 * g.l1, wrapped(start.a3))
+        return arm_angles(g, reach, height - 2.0 * g.l1, wrapped(start.a3))
 
     return per_robot(angles, plant.geometry, reaches, parameters.start)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from coopmm_jax.algebra.matrix import minus, plus, scaled
+from coopmm_jax.algebra.matrix import dot, minus, plus, scaled
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.mechanics.compliant_contact import contact_push, touch
 from coopmm_jax.mechanics.constrained_dynamics import Accelerations, constrained_accelerations
@@ -10,6 +10,7 @@ from coopmm_jax.mechanics.constrained_kinematics import Kinematics, kinematics
 from coopmm_jax.mechanics.contact_surface import surface_motion
 from coopmm_jax.mechanics.disturbance import disturbing, force_on_joints
 from coopmm_jax.mechanics.friction import friction_torque, tip_friction
+from coopmm_jax.mechanics.guide import carriage_step, guide_at, needs_carriage, tip_velocity
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import dependent_solution
 from coopmm_jax.mechanics.robot import per_robot
@@ -28,12 +29,49 @@ DRIFT_RATE = 10.0
 
 
 def plant_kinematics(
-    structure: Structure, model: Model, t: Scalar, position: Pair[Position], independent: Vector
+    structure: Structure,
+    model: Model,
+    t: Scalar,
+    position: Pair[Position],
+    independent: Vector,
+    carriage: Vector = (),
 ) -> Kinematics:
-    """The true constrained motion (10) at t [s], moving surface included; ``independent`` is u^1 of the plant (n,)."""
+    """The true constrained motion (10) at t [s], moving surface included.
+
+    Args:
+        structure: static choices.
+        model: of the plant.
+        t: time [s].
+        position: of each robot.
+        independent: u^1 of the plant (n,).
+        carriage: of a rail (1,), a phase of its path; of no rail (0,).
+    """
     motion = surface_motion(model.hardware, t) if structure.features.surface_motion else None
-    k = kinematics(model, structure.plant_rows, position, independent, motion)
+    guide = guide_at(structure.rows, model, t, carriage)
+    k = kinematics(model, structure.plant_rows, position, independent, motion, guide)
     return k._replace(touch=touch(model.hardware, k.bodies, k.velocity, motion)) if structure.compliant else k
+
+
+def expected_kinematics(
+    structure: Structure,
+    model: Model,
+    t: Scalar,
+    position: Pair[Position],
+    independent: Vector,
+    carriage: Vector = (),
+) -> Kinematics:
+    """As ``plant_kinematics``, for a controller that knows neither how the surface moves nor that it gives way.
+
+    Args:
+        structure: static choices.
+        model: of the plant.
+        t: time [s].
+        position: of each robot.
+        independent: u^1 (n,).
+        carriage: as for the plant.
+    """
+    guide = guide_at(structure.rows, model, t, carriage)
+    return kinematics(model, structure.rows, position, independent, guide=guide)
 
 
 def respond(structure: Structure, model: Model, t: Scalar, k: Kinematics, force: Pair[Vector]) -> Accelerations:
@@ -64,3 +102,12 @@ def rates_without_drift(k: Kinematics) -> Pair[Position]:
     """Rates of all twelve coordinates; the dependent joints' also work phi off at ``DRIFT_RATE``."""
     correction = dependent_solution(k.reduction, scaled(DRIFT_RATE, k.reduction.rows.phi))
     return per_robot(arm_moved, per_robot(position_rates, k.bodies.position, k.velocity), correction)
+
+
+def carriage_rate(structure: Structure, model: Model, k: Kinematics) -> Vector:
+    """Rate of a rail's carriage (1,), which follows the object; also works off, at ``DRIFT_RATE``, how far it lags."""
+    guide = k.bodies.guide
+    if guide is None or not needs_carriage(structure.rows, model):
+        return ()
+    along = dot(guide.tangent, tip_velocity(k.bodies.tip[1], k.bodies.T[1] @ k.velocity[1]))
+    return (along / guide.track.at.stretch + DRIFT_RATE * carriage_step(guide),)

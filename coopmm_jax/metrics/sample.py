@@ -9,15 +9,22 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.matrix import dot, minus
+from coopmm_jax.algebra.matrix import Matrix, dot, minus, sub
 from coopmm_jax.algebra.sincos import sincos, wrapped
 from coopmm_jax.algebra.types import Bool, Scalar, Vector
-from coopmm_jax.control.reference import desired_motion
+from coopmm_jax.control.reference import (
+    AnyReference,
+    at_instant,
+    desired_contact,
+    desired_motion,
+    desired_object,
+)
+from coopmm_jax.kinds.courses import current
 from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS, WHEELS
 from coopmm_jax.metrics.table import IMPACT, SETTLED
-from coopmm_jax.parameters import Hardware, Parameters, Reference, Structure, Surface
+from coopmm_jax.parameters import Hardware, Parameters, Structure, Surface
 
 # Quantities that are sums over several entries, and how many: a mean is one over all of them.
 ENTRIES = {"torque_squared": ROBOTS * ACTUATORS, "saturated": ROBOTS * ACTUATORS}
@@ -86,21 +93,20 @@ def past_after(past: Past, first: Bool, signals: Signals) -> Past:
     return Past(_torques(signals), determinants, touching)
 
 
-def squared_errors(reference: Reference, surface: Surface, t: Scalar, signals: Signals) -> Errors:
+def squared_errors(reference: AnyReference, surface: Surface, t: Scalar, signals: Signals) -> Errors:
     """Squared norms of the errors at one sample [rad^2, m^2]; of angles modulo a turn.
 
-    The object's desired point is (Rg cos wt, Rg sin wt), w the platforms' yaw rate: along platform II's axes it is
-    (Rg cos e1, -Rg sin e1), e1 the heading error of II, so that no angle grows with time. The desired point of tip I
-    is Rc from the arc's centre along the desired direction of arm I.
+    The object's desired point is given along the desired axes of platform II and turned by its heading error, so that
+    no angle grows with time. The desired point of tip I is on the object's surface as it is.
     """
-    desired = desired_motion(reference, t)
+    now = at_instant(reference, t, signals.aim)
+    desired = desired_motion(now, t)
     (p1, p2), (d1, d2) = signals.position, desired
     heading_1, heading_2 = wrapped(p1.z1 - d1.z1), wrapped(p2.z1 - d2.z1)
     s, c = sincos(heading_2)
-    radius = surface.guide_radius
-    object_error = minus(signals.tip[1], (radius * c, -radius * s, surface.guide_height))
-    s, c = sincos((d1.z1 - d2.z1) + (d1.arm[0] - d2.arm[0]))
-    tip_error = minus(signals.contact_point, (surface.contact_radius * c, surface.contact_radius * s))
+    place = Matrix([[c, s], [sub(0, s), c]]) @ desired_object(now, surface, d2)
+    object_error = minus(signals.tip[1], (*place, current(surface.guide_height, t)))
+    tip_error = minus(signals.contact_point, desired_contact(now, surface, desired))
     vectors = (
         *((heading_1,), (heading_2,)),
         *((p1.z2 - d1.z2, p1.z3 - d1.z3), (p2.z2 - d2.z2, p2.z3 - d2.z3)),

@@ -108,7 +108,7 @@ def constraint_residual(
 
 def contact_panel(axes: Axes, group: Sequence[Run], window: tuple[float, float] = (-np.inf, np.inf)) -> None:
     """Draw lambda_n of every run and its desired value [N] between two times [s]."""
-    desired = {"desired": lambda run: np.full(len(run.t), run.constraint_force_desired[0])}
+    desired = {"desired": lambda run: run.constraint_force_desired[:, 0]}
     time_panel(axes, group, {"normal": _normal}, "contact force [N]", desired, window)
     label = "contact lost"
     for run in group:

@@ -188,7 +188,8 @@ def states_of(trajectory: Trajectory, every: int = 1) -> tuple[np.ndarray, State
     integral, eta, c_hat, force_integral = map(
         columns, (trajectory.integral, trajectory.eta, trajectory.c_hat, trajectory.force_integral)
     )
-    state = State(position, independent, ControllerState(integral, (eta[0], eta[1]), c_hat, force_integral))
+    controller = ControllerState(integral, (eta[0], eta[1]), c_hat, force_integral)
+    state = State(position, independent, controller, carriage=columns(trajectory.carriage))
     return np.asarray(trajectory.t, np.float64)[::every], state
 
 

@@ -21,9 +21,9 @@ from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.constrained_dynamics import both_dynamics, reduced_inertia, required_force
-from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.disturbance import disturbance_force
 from coopmm_jax.mechanics.model import Model, build_model
+from coopmm_jax.mechanics.plant import expected_kinematics
 from coopmm_jax.mechanics.robot import PLATFORM
 from coopmm_jax.mechanics.robot_dynamics import Lumped
 from coopmm_jax.parameters import Gains, Parameters, Structure
@@ -103,7 +103,7 @@ def _evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> Pr
     damping = tuple(gain * s for gain, s in zip(gains.K_sigma, sigma, strict=True))
     acceleration = minus(minus(rates.velocity, sigma_rate), damping)
 
-    k = kinematics(model, structure.rows, state.position, state.velocity)
+    k = expected_kinematics(structure, model, t, state.position, state.velocity, state.carriage)
     f = motion.regressors(k, acceleration, state.velocity)
     first, second = partitioning.split(part, sigma)
     platform_error = first[:PLATFORM] + second[:PLATFORM]  # sigma has no integral there
@@ -111,8 +111,8 @@ def _evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> Pr
     disturbing = disturbance_force(model.disturbance, t, model.geometry, k)
     like = partial(_stacked, t)
     return ProofTerms(
-        plant=_reduced(structure, model, model.plant, state),
-        nominal=_reduced(structure, model, model.nominal, state),
+        plant=_reduced(structure, model, model.plant, t, state),
+        nominal=_reduced(structure, model, model.nominal, t, state),
         V1=V1,
         V1_rate=V1_rate,
         decay=decay,
@@ -188,7 +188,7 @@ def _robust_terms(
     return (*(only(j) for j in range(len(f))), U26)
 
 
-def _reduced(structure: Structure, model: Model, lumped: tuple[Lumped, Lumped], state: State) -> Reduced:
+def _reduced(structure: Structure, model: Model, lumped: tuple[Lumped, Lumped], t: Scalar, state: State) -> Reduced:
     """The reduced dynamics with the plant's or the controller's lumped parameters.
 
     The bias Cr u^1 + Gr is evaluated at rest and one unit to either side of u^1 in each direction, all at once along a
@@ -198,9 +198,9 @@ def _reduced(structure: Structure, model: Model, lumped: tuple[Lumped, Lumped], 
     moving = np.array([0.0] + [1.0] * (2 * n))[:, None]
     offsets = np.hstack([np.zeros((n, 1)), np.eye(n), -np.eye(n)])[:, :, None]
     trials = tuple(moving * jnp.asarray(u)[None] + offset for u, offset in zip(state.velocity, offsets, strict=True))
-    position = jax.tree.map(lambda x: x[None], state.position)
+    now, position, carriage = jax.tree.map(lambda x: x[None], (t, state.position, state.carriage))
 
-    k = kinematics(model, structure.rows, position, trials)
+    k = expected_kinematics(structure, model, now, position, trials, carriage)
     dynamics = both_dynamics(lumped, k)
     M = _stacked(position[0].z1, reduced_inertia(k, dynamics).rows)
     h = _stacked(trials[0], partitioning.restrict(k.reduction, required_force(dynamics, k.L_rate)))

@@ -9,9 +9,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from coopmm_jax.algebra.sincos import sincos
-from coopmm_jax.algebra.types import Scalar, Vector
-from coopmm_jax.control.reference import desired_force, desired_motion
+from coopmm_jax.algebra.sincos import sincos, wrapped
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.control.reference import AnyReference, Desired, at_instant, desired_force, desired_motion
 from coopmm_jax.errors import UserError
 from coopmm_jax.loop.health import Health
 from coopmm_jax.loop.rollout import Plan, rollout
@@ -71,8 +71,7 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     end = int(health.step) if failed else steps + 1  # the first step that is not part of the run
     recorded = -(-end // settings.record_every)
     return Trajectory(
-        **{name: _stacked(values)[:recorded] for name, values in series.items()},
-        constraint_force_desired=np.array(desired_force(parameters.reference, structure.rows), series["t"].dtype),
+        **{name: _stacked(values, series["t"])[:recorded] for name, values in series.items()},
         status=status,
         status_time=end * step if failed else None,
         metrics={name: float(measured[name]) for name in METRICS},
@@ -105,13 +104,14 @@ def _compiled(
     result = rollout(
         structure, parameters, step, steps, plan, observer.observer(structure, parameters, **horizon), record=True
     )
-    series = jax.vmap(functools.partial(_sample, parameters.reference))(*result.record)
+    series = jax.vmap(functools.partial(_sample, structure, parameters.reference))(*result.record)
     return series, observer.finish(result.total, **horizon), result.health
 
 
-def _sample(reference: Reference, t: Scalar, signals: Signals) -> dict[str, Any]:
+def _sample(structure: Structure, reference: AnyReference, t: Scalar, signals: Signals) -> dict[str, Any]:
     """The entries of ``Trajectory`` at one sample, as nested tuples of scalars."""
-    desired = desired_motion(reference, t)
+    reference = at_instant(reference, t, signals.aim)
+    desired = _on_the_same_turn(reference, desired_motion(reference, t), signals.position)
     return {
         "t": t,
         "q": per_robot(unchained, signals.position),
@@ -126,12 +126,21 @@ def _sample(reference: Reference, t: Scalar, signals: Signals) -> dict[str, Any]
         "integral": signals.controller.integral,
         "force_integral": signals.controller.force_integral,
         "constraint_force": signals.constraint_force,
+        "constraint_force_desired": desired_force(reference, structure.rows, t),
         "torque": signals.torque,
         "torque_commanded": signals.commanded,
         "constraint_residual": signals.constraint_residual,
         "tip": per_robot(_in_world, signals.position, signals.tip),
         "contact_point": signals.contact_point,
+        "carriage": signals.carriage,
     }
+
+
+def _on_the_same_turn(reference: AnyReference, desired: Pair[Desired], position: Pair[Position]) -> Pair[Desired]:
+    """Desired motion with headings that count turns as the platforms do: along a path they are known modulo a turn."""
+    if isinstance(reference, Reference):
+        return desired
+    return per_robot(lambda d, p: d._replace(z1=p.z1 - wrapped(p.z1 - d.z1)), desired, position)
 
 
 def _in_world(position: Position, point: Vector) -> Vector:
@@ -140,9 +149,11 @@ def _in_world(position: Position, point: Vector) -> Vector:
     return (*in_world(lateral, forward, sincos(position.z1)), height)
 
 
-def _stacked(series: Any) -> np.ndarray:
-    """Nested tuples of series (T,) as one array (T, ...)."""
-    return np.stack([_stacked(entry) for entry in series], axis=1) if isinstance(series, tuple) else series
+def _stacked(series: Any, t: np.ndarray) -> np.ndarray:
+    """Nested tuples of series (T,) as one array (T, ...), of the times' dtype if there are none."""
+    if not isinstance(series, tuple):
+        return series
+    return np.stack([_stacked(entry, t) for entry in series], axis=1) if series else np.empty((len(t), 0), t.dtype)
 
 
 def _start(scenario: Scenario) -> str:

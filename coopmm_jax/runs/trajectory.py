@@ -14,6 +14,7 @@ from coopmm_jax.control.adaptive import Regressors
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.robot import PLATFORM
 from coopmm_jax.metrics.table import METRICS, as_text, shown
+from coopmm_jax.parameters import Rail
 from coopmm_jax.software import versions
 from coopmm_jax.status import Status
 
@@ -34,7 +35,7 @@ _LABELS: dict[str, tuple[str, ...]] = {
     "arm_axis": ("along", "across"),
 }
 # Dimensions whose length is the run's own, and the letters that stand for it.
-_SYMBOLS = {"t": "T", "row": "m", "independent": "n", "independent_arm": "na"}
+_SYMBOLS = {"t": "T", "row": "m", "independent": "n", "independent_arm": "na", "rail": "r"}
 
 
 def _array(dims: str, units: str, meaning: str) -> dict[str, Any]:
@@ -48,7 +49,7 @@ class Trajectory:
 
     After a failure the arrays end with the last sample before it: everything here is finite, always. Index 0 of a robot
     dimension is robot I; m is the number of constraint rows (contact normal first), n = 10 - m that of independent
-    velocities, na = n - 4 that of independent arm joints.
+    velocities, na = n - 4 that of independent arm joints, r = 1 on a rail and else 0.
     """
 
     t: np.ndarray = field(metadata=_array("t", "s", "time"))
@@ -72,7 +73,7 @@ class Trajectory:
     constraint_force: np.ndarray = field(
         metadata=_array("t row", "N", "constraint forces lambda; the contact presses if positive")
     )
-    constraint_force_desired: np.ndarray = field(metadata=_array("row", "N", "desired constraint forces"))
+    constraint_force_desired: np.ndarray = field(metadata=_array("t row", "N", "desired constraint forces"))
     torque: np.ndarray = field(metadata=_array("t robot actuator", "N m", "actuator torques tau"))
     torque_commanded: np.ndarray = field(
         metadata=_array("t robot actuator", "N m", "the same before the actuators' limits and lag")
@@ -81,6 +82,9 @@ class Trajectory:
     tip: np.ndarray = field(metadata=_array("t robot axis", "m", "tips in the world; that of robot II is the object"))
     contact_point: np.ndarray = field(
         metadata=_array("t arm_axis", "m", "tip I from the arc's centre, along arm II and across it")
+    )
+    carriage: np.ndarray = field(
+        metadata=_array("t rail", "-", "carriage of the object's rail, a phase of its path; of no rail, none")
     )
     status: Status
     status_time: float | None  # [s] of the failure
@@ -141,9 +145,13 @@ class Trajectory:
         return {
             **{dim: list(labels) for dim, labels in _LABELS.items()},
             "row": list(self.rows),
+            "rail": ["carriage"] if self._on_a_rail() else [],
             "independent": [label for _, label in independent],
             "independent_arm": [label for joint, label in independent if joint >= PLATFORM],
         }
+
+    def _on_a_rail(self) -> bool:
+        return "guide_radial" in self.rows and isinstance(self.scenario.parameters().plant.guide, Rail)
 
     def __repr__(self) -> str:
         end = f"{self.t[-1]:g} s" if len(self.t) else "0 s"

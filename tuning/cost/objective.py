@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax.algebra.types import Bool, Scalar, Vector
-from coopmm_jax.control.reference import desired_force
+from coopmm_jax.control.reference import at_instant, desired_force
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.cost_terms import terms
 from coopmm_jax.kinds.probe import number_of
@@ -157,7 +157,7 @@ def _terms(structure: Structure, parameters: Parameters, t: Scalar, signals: Sig
     """One sample's terms, all but the torque variation."""
     errors = squared_errors(parameters.reference, parameters.plant.surface, t, signals)
     contact = structure.rows.index("contact_normal")
-    desired = desired_force(parameters.reference, structure.rows)
+    desired = desired_force(at_instant(parameters.reference, t, signals.aim), structure.rows, t)
     others = [x - d for i, (x, d) in enumerate(zip(signals.constraint_force, desired, strict=True)) if i != contact]
     return {
         "object": errors.object,

@@ -1,0 +1,36 @@
+"""Runs along a path that several tests look at: parameters and starts from the study behind them."""
+
+from coopmm_jax.kinds.courses import Sine, Swing
+from coopmm_jax.kinds.paths import Fourier
+from coopmm_jax.kinds.timings import Rate
+from coopmm_jax.parameters import Gains, MovingRail, Parameters, PathReference, Pose, Rail, Structure
+
+FULL = Structure(feedforward="full")
+# As Fourier paths, so that one compiled program does for both.
+ELLIPSE = Fourier(0.0, 0.0, (1.7, 0.0), (0.0, 0.0), (0.0, 0.0), (1.2, 0.0))
+EIGHT = Fourier(0.0, 0.0, (0.0, 0.0), (3.0, 0.0), (0.0, 0.0), (0.0, 1.2))
+_GUESS = ((-0.795399, 1.590798), (2.346194, 1.590798))  # a2, a3
+
+
+def parameters(path, timing, platforms, guide):
+    """Parameters of a run with its force 15 + 5 sin t, from the poses (x, y, th, a1) of both robots."""
+    paper = Parameters()
+    guides = {"rail": Rail(path, timing.start), "moving": MovingRail(path, timing), "free": None}
+    return paper._replace(
+        plant=paper.plant._replace(guide=guides[guide]),
+        gains=Gains(delta_floor=0.1),
+        reference=PathReference(path, timing, contact=Swing(), contact_force=Sine(15.0, 5.0)),
+        start=tuple(Pose(*four, *guess) for four, guess in zip(platforms, _GUESS, strict=True)),
+    )
+
+
+def ellipse(guide="rail", ramp=0.5, away=0.1):
+    """Along the ellipse, from ``away`` [m] outside of each platform's path."""
+    platforms = ((2.4 + away, 0.0, 0.0, 1.097198), (1.0 + away, 0.0, 0.0, 1.570796))
+    return parameters(ELLIPSE, Rate(1.0, 0.0, 0.3, 1.0, ramp), platforms, guide)
+
+
+def eight(guide="rail"):
+    """Along the figure of eight, whose yaw rate u_d1 changes sign."""
+    platforms = ((1.847571, 0.381803, -1.113137, 1.097198), (1.228982, 1.637728, -1.113137, 1.570796))
+    return parameters(EIGHT, Rate(0.7, 0.5), platforms, guide)

@@ -1,0 +1,190 @@
+"""Motion along paths: figures of the study, kinematics of the reference, proof and energy along a figure of eight."""
+
+from functools import partial
+
+import jax
+import numpy as np
+import pytest
+
+from coopmm_jax.control.controller import ControllerState
+from coopmm_jax.control.reference import at_instant, desired_motion
+from coopmm_jax.kinds.courses import Sine, Swing
+from coopmm_jax.kinds.paths import Circle
+from coopmm_jax.kinds.timings import Rate, RestToRest
+from coopmm_jax.loop.state import State
+from coopmm_jax.mechanics.disturbance import disturbing
+from coopmm_jax.parameters import Gains, Parameters, PathReference, Rail, Structure
+from coopmm_jax.proof.terms import proof_terms
+from tests.beside_a_path import EIGHT, FULL, eight, ellipse
+from tests.oracles import lagrangian
+from tests.samples import poses
+
+# z1 z2 z3 a1 a2 a3 of both robots after one second.
+ON_THE_ELLIPSE = [
+    [0.907935, 2.121566, -0.512508, 1.297555, -0.778111, 1.556222],
+    [0.906732, 0.729848, -0.521399, 1.582614, 2.320033, 1.643119],
+]
+
+
+def coordinates(run, sample=1000):
+    return np.array([[x[sample] for x in position] for position in run.signals.position])
+
+
+def forces(run, sample=1000):
+    return np.array([x[sample] for x in run.signals.constraint_force])
+
+
+def assert_figures(actual, expected):
+    """To the six decimals given, and what rounding the start to as many leaves of them."""
+    np.testing.assert_allclose(actual, expected, rtol=3e-7, atol=2e-6)
+
+
+@pytest.fixture(scope="module")
+def along_the_ellipse(programs):
+    return programs(FULL)(ellipse())
+
+
+@pytest.fixture(scope="module")
+def along_the_eight(programs):
+    return programs(FULL)(eight())
+
+
+def test_figures_on_the_ellipse(along_the_ellipse):
+    run = along_the_ellipse
+    assert_figures(coordinates(run), ON_THE_ELLIPSE)
+    assert_figures(forces(run), [18.569496, 0.200791, -6.157551, 1.578100])
+    c_hat = [x[1000] for x in run.signals.controller.c_hat]
+    assert_figures(c_hat, [0.998828, 0.726964, 0.841748, 0.679515, 1.069660])
+    assert_figures([x[1000] for x in run.signals.torque[0]], [4.543676, 1.571735, -0.392420, 3.787823, -5.279081])
+    assert_figures(run.signals.carriage[0][1000], 0.723785)
+
+
+def test_ellipse_over_three_turns(along_the_ellipse):
+    """20 s: the contact holds, force and object settle, headings err by less than 1e-3 in whatever turn they are."""
+    run, late = along_the_ellipse, along_the_ellipse.t > 15.0
+    force = run.signals.constraint_force[0]
+    assert [force.min(), force.max()] == [pytest.approx(9.80, abs=5e-3), pytest.approx(20.35, abs=5e-3)]
+    assert np.sqrt(np.mean(run.signals.force_error[0][late] ** 2)) == pytest.approx(0.28, abs=5e-3)
+    assert run.signals.carriage[0][-1] > 3 * 2 * np.pi
+    errors = np.array([p.z1 for p in run.signals.position]) - run.signals.aim.heading
+    errors = errors - 2 * np.pi * np.round(errors / (2 * np.pi))
+    assert np.abs(errors[:, late]).max() < 1e-3
+
+
+def test_desired_motion_on_the_ellipse():
+    one, _ = desired_motion(ellipse().reference, 1.0)
+    assert_figures([*one[:6]], [0.901931, 2.113348, -0.499097, 1.060837, 0.064398, -0.580816])
+
+
+def test_projected_law_moves_the_same_and_pulls(programs):
+    run = programs(Structure())(ellipse(), steps=1000)
+    assert_figures(coordinates(run), ON_THE_ELLIPSE)
+    assert_figures(forces(run), [44.905342, -2.617624, 67.380666, -12.304889])
+    assert run.signals.constraint_force[0].min() == pytest.approx(-186, abs=0.5)
+
+
+def test_moving_guide(programs):
+    run = programs(FULL)(ellipse("moving"), steps=1000)
+    assert_figures(coordinates(run)[0, :4], [0.907880, 2.121532, -0.512494, 1.297607])
+    assert_figures(forces(run), [19.531240, 0.039170, -0.091095, 0.090293])
+    assert max(np.abs(phi).max() for phi in run.signals.constraint_residual) < 1e-11
+
+
+def test_free_object(programs):
+    gains = Gains(delta_floor=0.1, K_sigma=(0.5,) * 9, K_lambda=(0.3,), K_I=(1.5,))
+    start = ellipse("free", away=0.05)._replace(gains=gains)
+    run = programs(FULL._replace(rows=("contact_normal",)))(start, steps=1000)
+    assert_figures(coordinates(run)[0], [0.904677, 2.117298, -0.505915, 1.295563, -0.796942, 1.598500])
+    assert_figures(forces(run), [19.548342])
+
+
+def test_without_a_soft_start_the_contact_pulls(programs):
+    """The point to be followed starts at 1.6 m/s while the robots stand."""
+    run = programs(FULL)(ellipse(ramp=0.0), steps=1000)
+    assert_figures(coordinates(run)[0, :4], [1.334501, 1.942158, -0.287297, 1.301044])
+    np.testing.assert_allclose(forces(run), [22.358257, -0.462215, -18.018071, 4.768437], rtol=2e-6)
+    worst = run.signals.constraint_force[0].argmin()
+    assert run.signals.constraint_force[0][worst] == pytest.approx(-35, abs=0.5)
+    assert run.t[worst] == pytest.approx(0.11, abs=5e-3)
+
+
+def test_figures_on_the_eight(along_the_eight):
+    """The law is stiff here: lambda depends on the start's seventh digit by 1e-4 N."""
+    run = along_the_eight
+    expected = [
+        [-1.847892, -1.067598, 1.939329, 1.294299, -0.795952, 1.591905],
+        [-1.847988, -2.467283, 1.940584, 1.570533, 2.346459, 1.590268],
+    ]
+    assert_figures(coordinates(run), expected)
+    np.testing.assert_allclose(forces(run), [18.05301, 0.30363, -1.68191, 0.36471], rtol=0, atol=2e-4)
+    torque = [x[1000] for x in run.signals.torque[0]]
+    np.testing.assert_allclose(torque, [-4.38269, 3.59762, -1.23831, 3.24859, -5.34361], rtol=0, atol=2e-4)
+    assert_figures(run.signals.carriage[0][1000], 0.899960)
+
+
+def test_eight_over_its_crossing(along_the_eight):
+    """20 s, twice round: a rail that crosses itself is no problem, nor is a yaw rate of both signs."""
+    run = along_the_eight
+    force, guide = run.signals.constraint_force[0], run.signals.constraint_force[2:]
+    assert [force.min(), force.max()] == [pytest.approx(9.35, abs=0.01), pytest.approx(22.3, abs=0.05)]
+    turn = run.signals.aim.turn.value
+    assert turn.min() < -1.0
+    assert turn.max() > 1.0
+    assert np.abs(guide[0][run.t > 1.0]).max() < 2.5
+    assert max(np.abs(phi).max() for phi in run.signals.constraint_residual) < 2e-8
+
+
+def test_rail_along_a_circle_is_the_circle(programs, paper_run):
+    paper = Parameters()
+    run = programs(Structure())(paper._replace(plant=paper.plant._replace(guide=Rail(Circle()))), steps=1000)
+    assert_figures(coordinates(run), coordinates(paper_run))
+    np.testing.assert_allclose(forces(run), forces(paper_run), rtol=1e-9)
+
+
+REFERENCES = {
+    "sway": PathReference(EIGHT, Rate(0.7, 0.5, 0.4, 2.0), (0.7, -0.6), Swing(swing=0.4, rate=1.3), Sine(15.0, 5.0)),
+    "turning back": PathReference(EIGHT, RestToRest(2.0, -1.0, 3.0), contact=Sine(0.1, 0.05, 0.7)),
+}
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+def test_desired_motion_obeys_the_chained_form(name):
+    """(8) at u_d, in particular z_d2' = u_d1 z_d3: no side slip; also that a known instant has the right rates."""
+    reference, t = REFERENCES[name], 0.9
+    both, rates = jax.jvp(lambda t: desired_motion(reference, t), (t,), (1.0,))
+    known = at_instant(reference, t)
+    again, known_rates = jax.jvp(lambda t: desired_motion(known, t), (t,), (1.0,))
+    np.testing.assert_allclose(jax.tree.leaves(again), jax.tree.leaves(both), rtol=1e-15)
+    np.testing.assert_allclose(jax.tree.leaves(known_rates), jax.tree.leaves(rates), rtol=1e-12, atol=1e-14)
+    for desired, rate in zip(both, rates, strict=True):
+        np.testing.assert_allclose(rate[:3], [desired.u1, desired.u1 * desired.z3, desired.u2], rtol=1e-13, atol=1e-15)
+        np.testing.assert_allclose(rate.u1, desired.u1_rate, rtol=1e-13)
+        np.testing.assert_allclose(desired.arm_rate, rate.arm, rtol=1e-13, atol=1e-15)
+
+
+def test_lyapunov_rate_where_the_yaw_rate_changes_sign(along_the_eight):
+    """(32) along the figure of eight."""
+    chosen = jax.tree.map(lambda x: x[:9000:600], along_the_eight.signals)
+    independent = (*chosen.velocity[0][:3], *chosen.velocity[1][:3])
+    states = State(chosen.position, independent, ControllerState(*chosen.controller), carriage=chosen.carriage)
+    terms = proof_terms(FULL, eight(), along_the_eight.t[:9000:600], states)
+    turn = chosen.aim.turn.value
+    assert turn.min() < 0.0 < turn.max()
+    assert np.abs(terms.V1_rate + terms.decay - terms.cross).max() < 1e-15
+
+
+def test_energy_balance_on_the_rail(along_the_eight):
+    """d(T + U)/dt is the power of actuators and disturbances; the rail does no work."""
+    parameters, step = eight(), 1e-3
+    t, signals = jax.tree.map(lambda x: x[:301], (along_the_eight.t, along_the_eight.signals))
+    q, plant, energy, power = poses(signals.position), parameters.plant, 0.0, 0.0
+    for i in range(2):
+        u = np.array(signals.velocity[i]).T
+        own = partial(lagrangian.energy, plant.geometry[i], plant.inertia[i], plant.gravity)
+        B = jax.vmap(partial(lagrangian.input_matrix, plant.geometry[i]))(q[:, i])
+        torque = np.array(signals.torque[i]) - np.array(disturbing(parameters.disturbance, t).torque[i])
+        energy = energy + np.asarray(jax.vmap(own)(q[:, i], u))
+        power = power + np.einsum("ti,tij,jt->t", u, B, torque)
+    weights = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * step)
+    rate = np.convolve(energy, weights[::-1], mode="valid")
+    assert np.abs(rate - power[3:-3]).max() < 1e-8 * np.abs(power).max()
