@@ -1,5 +1,6 @@
 """Contact that can open: its force, the plant against the Lagrangian, and general.md E3's figures."""
 
+import json
 from functools import partial
 
 import jax
@@ -12,8 +13,10 @@ from coopmm_jax.mechanics.compliant_contact import contact_force, pressed_in
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import Features, Gains, Hardware, Parameters, Structure
 from coopmm_jax.status import Status
+from tests import surface_worker
 from tests.oracles import hardware, lagrangian
 from tests.samples import ROW_SETS, SHAPES, assert_close, at_surface, joined, positions, vector
+from tests.workers import run_worker
 
 SOFT = Hardware(penetration=1e-3, contact_damping=2.0)
 NOW = 0.7  # [s]
@@ -133,6 +136,11 @@ def test_a_finer_step_gives_the_same(run, programs):
         assert coarse[-1] == pytest.approx(fine[-1], abs=1e-4)
 
 
+@pytest.fixture(scope="module")
+def slopes():
+    return {name: np.array(values) for name, values in json.loads(run_worker(surface_worker)).items()}
+
+
 def test_an_undamped_surface_keeps_the_tip_bouncing(programs):
     """general.md E2, but from a start that is pressed in: off the surface 4 % of 10 s, peaks of 49 N."""
     elastic = PAPER._replace(hardware=Hardware(penetration=1e-3, contact_damping=0.0))
@@ -156,3 +164,10 @@ def test_the_papers_own_law_loses_the_contact_for_good(programs):
     assert np.all(gap[7:] > 0.0)
     assert Status(int(run.health.status)) is Status.SINGULAR_CONTACT
     assert run.health.step == 120
+
+
+@pytest.mark.parametrize(("part", "tolerance"), [("pressed", 2e-5), ("landed", 5e-6)])
+def test_gradients_by_surface_and_contact(slopes, part, tolerance):
+    """Reverse mode against central differences, which lose digits to the smallest slopes and across the landing."""
+    np.testing.assert_allclose(slopes[part], slopes[f"{part}_central"], rtol=tolerance)
+    assert np.all(slopes[part] != 0.0)
