@@ -3,6 +3,7 @@
 Of its own for the reason that gradient_worker.py gives.
 """
 
+import functools
 import json
 
 import jax
@@ -44,7 +45,7 @@ def main():
     results = {}
     for name, steps, change in (("pressed", 150, 1e-4), ("landed", STEPS, 1e-5)):  # an impact is far from linear
         results[name] = flat(reverse(NUMBERS, steps))
-        results[f"{name}_central"] = central_differences(lambda x: value(x, steps), NUMBERS, change)
+        results[f"{name}_central"] = central_differences(functools.partial(value, steps=steps), NUMBERS, change)
     print(json.dumps(results))
 
 
