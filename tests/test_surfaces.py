@@ -6,11 +6,14 @@ import pytest
 
 import coopmm_jax as cm
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.courses import Sine, Swing
+from coopmm_jax.kinds.paths import Circle
 from coopmm_jax.kinds.surfaces import Arc, Conic, Plane, Profile
+from coopmm_jax.kinds.timings import Rate
 from coopmm_jax.mechanics import plant
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.surfaces import shape_of
-from coopmm_jax.parameters import Features, Hardware, Parameters, Structure, Surface
+from coopmm_jax.parameters import Features, Gains, Hardware, Parameters, PathReference, Pose, Structure, Surface
 from tests.samples import SHAPES, assert_close, at_surface, joined, positions, vector
 
 EVERY = SHAPES | {"convex circle": Arc(-0.5), "hollow circle": Arc(0.7)}
@@ -86,3 +89,63 @@ def test_scenario_files_choose_a_surface():
 def test_surfaces_that_cannot_be(table, said):
     with pytest.raises(UserError, match=said):
         cm.load_scenario("paper", coupling={"surface": table})
+
+
+# general.md B4: surface, place of the contact, z1 z2 z3 a1 a2 a3 of robot I and lambda after 1 s, lambda_n over 20 s.
+STUDY = {
+    "arc": (
+        *(Conic(1 / 0.7, 1 / 0.7), 0.7),
+        [0.568824, 2.408953, -0.034897, 1.294500, -0.783266, 1.566531],
+        [19.307465, 0.049811, -0.352250, 0.094626],
+        (9.75, 20.15),
+    ),
+    "plane": (
+        *(Conic(0.0, 0.0), 0.5),
+        [0.569013, 2.409449, -0.036440, 1.378745, -0.762160, 1.524319],
+        [19.052774, 0.083487, -0.267568, 0.050920],
+        (9.89, 20.02),
+    ),
+    "convex arc": (
+        *(Conic(-2.0, -2.0), 0.3),
+        [0.568974, 2.409390, -0.036183, 1.457945, -0.763992, 1.527985],
+        [19.280488, 0.037689, -0.020484, 0.000942],
+        (9.93, 20.31),
+    ),
+    "hollow ellipse": (
+        *(Conic(1.2, 1 / 0.3), 0.4),
+        [0.568953, 2.409267, -0.035882, 1.416545, -0.780543, 1.561086],
+        [19.151863, 0.076242, -0.246259, 0.061655],
+        None,
+    ),
+}
+
+
+def on_the_circle(shape, amplitude):
+    """Around the paper's circle from standstill, 0.05 m and 0.05 rad aside, pressing 15 + 5 sin t where the contact swings."""
+    surface, paper = Surface(shape=shape), Parameters()
+    contact = Swing(radius=amplitude)
+    n = float(contact.value(0.0))
+    yaw = np.arctan2(float(shape.along(n)) + 0.7, -n)
+    return paper._replace(
+        plant=paper.plant._replace(surface=surface),
+        gains=Gains(delta_floor=0.1),
+        reference=PathReference(Circle(), Rate(), contact=contact, contact_force=Sine(15.0, 5.0), surface=surface),
+        start=(Pose(2.45, 0.0, 0.0, float(yaw) + 0.05, -0.8, 1.6), Pose(1.05, 0.0, 0.0, np.pi / 2, 2.34, 1.6)),
+    )
+
+
+@pytest.mark.parametrize("name", STUDY)
+def test_figures_of_the_study(name, programs):
+    shape, amplitude, position, forces, extremes = STUDY[name]
+    run = programs(Structure(feedforward="full"))(on_the_circle(shape, amplitude))
+    assert run.health.status == 0
+    np.testing.assert_allclose([x[1000] for x in run.signals.position[0]], position, rtol=0, atol=1e-6)
+    np.testing.assert_allclose([x[1000] for x in run.signals.constraint_force], forces, rtol=0, atol=2e-6)
+    force = run.signals.constraint_force[0]
+    if extremes is not None:
+        assert (force.min(), force.max()) == pytest.approx(extremes, abs=5.1e-3)
+    late = run.t > 15.0
+    n = amplitude * np.sin(-(np.pi / 6) * np.cos(run.t[late]))
+    wanted = np.array([np.asarray(jax.vmap(shape.along)(n)), n])
+    error = np.linalg.norm(np.array([x[late] for x in run.signals.contact_point]) - wanted, axis=0).max()
+    assert 1.3e-3 - 5e-5 < error < 1.6e-3 + 5e-5
