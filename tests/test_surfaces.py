@@ -121,7 +121,7 @@ STUDY = {
 
 
 def on_the_circle(shape, amplitude):
-    """Around the paper's circle from standstill, 0.05 m and 0.05 rad aside, pressing 15 + 5 sin t where the contact swings."""
+    """Around the circle from standstill, 0.05 m and 0.05 rad aside, pressing 15 + 5 sin t where the contact swings."""
     surface, paper = Surface(shape=shape), Parameters()
     contact = Swing(radius=amplitude)
     n = float(contact.value(0.0))
