@@ -1,0 +1,53 @@
+"""The page on plugins: its files, its commands, and its table of groups, which is printed from the registry.
+
+    python -m tests.plugin_page
+
+writes the table into docs/plugins.md, between its markers.
+"""
+
+import re
+from pathlib import Path
+
+from coopmm_jax.kinds.registry import GROUPS, MISSING, known
+from coopmm_jax.scenario import scenario  # registers all built-in kinds
+
+PAGE = Path(__file__).parent.parent / "docs" / "plugins.md"
+BEGIN, END = "<!-- groups: from tests/plugin_page.py -->\n", "<!-- end of groups -->"
+MOST = 8  # built-in kinds that are named
+assert scenario
+
+
+def files(text: str) -> dict[str, str]:
+    """Files of the page by name: the blocks that begin with one."""
+    found = re.findall(r"^```(?:python|toml)\n# (\S+)\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
+    return dict(found)
+
+
+def table() -> str:
+    """What each group asks for, in Markdown."""
+    lines = []
+    for name, group in sorted(GROUPS.items()):
+        kinds = list(known(name))
+        built_in = f"built in: {', '.join(f'`{kind}`' for kind in kinds)}" if len(kinds) <= MOST else ""
+        lines += [f"**{name}**: {group.meaning}" + (f"; {built_in}" if built_in else ""), ""]
+        for method in group.methods:
+            form = f"{method.name}({', '.join(('self', *method.arguments))})"
+            lines.append(f"- `{form}`{', optional' if method.optional else ''}: {method.meaning}")
+        for attribute in group.attributes:
+            values = attribute.allowed
+            allowed = "" if isinstance(values, type) else ": " + ", ".join(f"`{value}`" for value in values)
+            default = "" if attribute.default is MISSING else f" (default `{attribute.default}`)"
+            lines.append(f"- `{attribute.name} = ...`: {attribute.meaning}{allowed}{default}")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def written(text: str) -> str:
+    """The page with the table between its markers."""
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}{table()}{END}{after}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

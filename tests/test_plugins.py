@@ -1,0 +1,220 @@
+"""Plugins: those of the page on them, as a reader types them, at small size; and what is wrong with others."""
+
+import ast
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import pytest
+
+import coopmm_jax as cm
+from coopmm_jax import plugins
+from coopmm_jax.errors import UserError
+from coopmm_jax.kinds import metrics, registry
+from coopmm_jax.metrics import observer
+from coopmm_jax.software import check_plugins, versions
+from tests import plugin_page, readme_worker
+from tests.test_readme import blocks, commands
+
+ROOT = Path(__file__).parent.parent
+TEXT = plugin_page.PAGE.read_text(encoding="utf-8")
+FILES = plugin_page.files(TEXT)
+SHORT = ["--simulation.duration", "0.05"]
+FEW = {"starts": 2, "samples": 2, "screening-samples": 2, "validation-samples": 2, "test-samples": 4, "budget": 0.002}
+TUNED = shlex.split(
+    f"--simulation.duration 0.05 --tuning.tracking-from 0 --tuning.gains K_lambda --tuning.optimiser cma "
+    f"{' '.join(f'--tuning.{name} {value}' for name, value in FEW.items())}"
+)
+SMALL = {
+    "simulate bumpy.toml": SHORT,
+    "sweep": [*SHORT, "--samples", "8", "--batch", "8", "--keep", "2"],
+    "simulate --from": SHORT,
+    "tune": TUNED,
+    "falsify": [*TUNED, "--rollouts", "13", "--starts", "2"],
+    "animate": ["--width", "400", "--fps", "50"],
+}
+COMMANDS = [command for command in commands(TEXT) if " --plugin " in command]
+USE = [block for block in blocks(TEXT) if not block.startswith("# ")]
+
+
+def small(command):
+    return next(words for start, words in SMALL.items() if f" {start} " in f"{command} ")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("reader")
+    for name, content in FILES.items():
+        (place / name).write_text(content, encoding="utf-8")
+    return place
+
+
+@pytest.fixture(scope="module")
+def results(folder):
+    """What came of each command, and of the block of Python, in one process."""
+    jobs = [("command", command, small(command)) for command in COMMANDS] + [("block", block, []) for block in USE]
+    own = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-m", readme_worker.__name__],
+        input=json.dumps(jobs),
+        cwd=folder,
+        env=os.environ | own,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return {text: result for (_, text, _), result in zip(jobs, json.loads(done.stdout), strict=True)}
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    """A registry that forgets what the test registers."""
+    monkeypatch.setattr(registry, "_KINDS", {group: dict(kinds) for group, kinds in registry._KINDS.items()})
+    monkeypatch.setattr(plugins, "_loaded", {})
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[:60])
+def test_command_of_the_page(results, command):
+    assert results[command]["outcome"] == 0, results[command]["said"]
+
+
+def test_python_of_the_page(results):
+    assert len(USE) == 1
+    assert isinstance(results[USE[0]]["outcome"], list), results[USE[0]]["outcome"]
+
+
+def test_what_plugins_add_is_there(results, folder):
+    said = {command.split("simulate ")[-1][:6]: result["said"] for command, result in results.items()}
+    assert "elbow_min" in said["bumpy."]
+    swept = next(result["said"] for command, result in results.items() if " sweep " in command)
+    assert re.search(r"elbow_min >= 0.3 +\d of 8", swept)
+    assert "disturbance.bump.top" in swept
+    terms = next(result["said"] for command, result in results.items() if " tune " in command)
+    assert re.search(r"\byaw\b", terms)
+    record = json.loads((folder / "run" / "summary.json").read_text())["versions"]
+    assert {name for name in record if name.startswith("plugin")} == {f"plugin {n}" for n in FILES if n.endswith("py")}
+    assert (folder / "worst.toml").read_text().count('kind = "bump"') == 1
+
+
+def test_plugins_of_the_page_take_twenty_lines():
+    for name, content in FILES.items():
+        assert not name.endswith(".py") or len(list(filter(str.strip, content.splitlines()))) <= 20
+
+
+def test_the_page_has_the_groups_as_they_are():
+    assert plugin_page.written(TEXT) == TEXT, "python -m tests.plugin_page"
+
+
+def test_reductions_that_are_offered_exist():
+    assert set(metrics.REDUCTIONS) == set(observer.REDUCTIONS)
+
+
+HEAD = """
+from typing import Annotated, NamedTuple
+import jax.numpy as jnp
+import coopmm_jax as cm
+number = cm.quantity("a number [-]")
+"""
+DISTURBANCE = '@cm.register("disturbance", "mine")\nclass Mine(NamedTuple):\n'
+SQUARE = "    a: Annotated[float, number] = 2.0\n    def value(self, t):\n        return self.a * t * t\n"
+# What is wrong, and what is said of it.
+BROKEN = {
+    "def (": "--plugin mine.py: must be a file that runs, was line 6: ",
+    "\n1 / 0": "--plugin mine.py: must be a file that runs, was line 7: ZeroDivisionError: division by zero",
+    "import nowhere": "--plugin mine.py: must be a file that runs, was line 6: ModuleNotFoundError",
+    "raise SystemExit(3)": "--plugin mine.py: must be a file that runs, was line 6: SystemExit: 3",
+    DISTURBANCE + "    a: float = 2.0\n" + SQUARE.partition("\n")[2]: (
+        'plugin mine.py: disturbance "mine": a: must be annotated with its meaning and unit'
+    ),
+    DISTURBANCE + '    a: "Annotated[flot, number]" = 2.0\n' + SQUARE.partition("\n")[2]: (
+        'plugin mine.py: disturbance "mine": must be annotated with names that can be found'
+    ),
+    DISTURBANCE + "    a: Annotated[float, number] = 2.0\n": (
+        'plugin mine.py: disturbance "mine": must be a class with def value(self, t): '
+    ),
+    DISTURBANCE + "    def value(self):\n        return 1.0\n": (
+        'plugin mine.py: disturbance "mine": value: must be of the form def value(self, t), was value(self)'
+    ),
+    DISTURBANCE.replace("NamedTuple", "") + SQUARE: (
+        'plugin mine.py: disturbance "mine": must be a class that inherits from typing.NamedTuple'
+    ),
+    DISTURBANCE.replace("mine", "sine") + SQUARE: 'plugin mine.py: disturbance "sine": must be registered once',
+    DISTURBANCE.replace('"mine"', '"my own"') + SQUARE: "plugin mine.py: must be registered as disturbance under",
+    DISTURBANCE.replace("disturbance", "disturbence") + SQUARE: (
+        "plugin mine.py: must be registered as one of disturbance"
+    ),
+    DISTURBANCE + SQUARE + "\n1 / 0\n": "--plugin mine.py: must be a file that runs",
+    '@cm.register("metric", "mine")\nclass Mine(NamedTuple):\n    unit, meaning = "m", "x"\n    reduction = "median"\n'
+    "    def quantity(self, sample):\n        return 1.0\n": (
+        'plugin mine.py: metric "mine": reduction: must be one of max, min, mean'
+    ),
+    '@cm.register("cost_term", "mine")\nclass Mine(NamedTuple):\n    floor, weight = 1.0, 1.0\n'
+    "    def value(self, sample):\n        return 1.0\n": (
+        'plugin mine.py: cost_term "mine": must be a class with unit = ...: of its time average, as text, was without'
+    ),
+}  # fmt: skip
+# What is wrong with the value of a disturbance, and what is said of it when a scenario first asks for it.
+WRONG = {
+    "nowhere": "must be free of errors, was NameError: name 'nowhere' is not defined",
+    "1.0 if t > 0 else 0.0": "must be free of errors, was TracerBoolConversionError",
+    "(t, t)": "must be a function that returns a number: its value at time t [s], which the amplitudes are multiplied "
+    "with [-], was a tuple of 2 (a number each)",
+    "jnp.ones(3)": "must be a function that returns a number",
+    "None": "must be a function that returns a number",
+    '"1"': "must be ",
+    "jnp.log(t)": "must be finite at t = 0.0, was -inf",
+    "jnp.sqrt(1.0 - t)": "must be finite at t = 7.3, was nan",
+}
+
+
+def written(folder, text):
+    (folder / "mine.py").write_text(HEAD + text, encoding="utf-8")
+    return folder / "mine.py"
+
+
+@pytest.mark.parametrize(("text", "message"), BROKEN.items(), ids=range(len(BROKEN)))
+def test_what_cannot_be_loaded_is_one_line_and_leaves_nothing(registered, tmp_path, text, message):
+    before = {group: list(kinds) for group, kinds in registry._KINDS.items()}
+    with pytest.raises(UserError) as caught:
+        cm.load_plugin(written(tmp_path, text))
+    assert str(caught.value).startswith(message)
+    assert {group: list(kinds) for group, kinds in registry._KINDS.items()} == before
+    assert not plugins.loaded()
+
+
+@pytest.mark.parametrize(("value", "message"), WRONG.items())
+def test_what_cannot_be_used_is_one_line(registered, tmp_path, value, message):
+    cm.load_plugin(written(tmp_path, f"{DISTURBANCE}    def value(self, t):\n        return {value}\n"))
+    with pytest.raises(UserError) as caught:
+        cm.load_scenario("paper", disturbance={"kind": "mine"})
+    assert str(caught.value).startswith(f'disturbance.plugin mine.py: disturbance "mine": value: {message}')
+
+
+def test_a_plugin_is_run_once_and_cannot_change_or_share_its_name(registered, tmp_path):
+    file = written(tmp_path, DISTURBANCE + SQUARE)
+    cm.load_plugin(file)
+    cm.load_plugin(str(file))
+    recorded = versions()
+    assert len(recorded["plugin mine.py"]) == 16
+    check_plugins(recorded, "store", "s.zarr")
+    with pytest.raises(UserError, match=r"store: must be used with the --plugin mine.py that s.zarr was made with"):
+        check_plugins(recorded | {"plugin mine.py": "0" * 16}, "store", "s.zarr")
+    with pytest.raises(UserError, match=r"store: must be used with the --plugin other.py .*, was used without"):
+        check_plugins({"plugin other.py": "0" * 16}, "store", "s.zarr")
+    (tmp_path / "there").mkdir()
+    with pytest.raises(UserError, match="--plugin: must be files of different names"):
+        cm.load_plugin(written(tmp_path / "there", DISTURBANCE.replace("mine", "other") + SQUARE))
+    written(tmp_path, DISTURBANCE + SQUARE + "\n")
+    with pytest.raises(UserError, match="--plugin: must be a file that does not change"):
+        cm.load_plugin(file)
+
+
+def test_examples_are_what_python_reads():
+    for name, content in FILES.items():
+        assert not name.endswith(".py") or ast.parse(content)
