@@ -13,7 +13,7 @@ BEGIN, END = "<!-- equations: from tests/equation_map.py -->\n", "<!-- end of eq
 # Module -> the equations that its docstrings name, and its contents; in the order of the paper.
 EQUATIONS = {
     "mechanics.plant": ("(1), (2), (11)", "actuator torques in, accelerations and constraint forces out"),
-    "mechanics.disturbance": ("(1)", "disturbance torques d"),
+    "mechanics.disturbance": ("(1)", "disturbances d: torques, a force on the object"),
     "mechanics.robot_dynamics": ("(5), (9)", "inertia and bias forces of one robot"),
     "mechanics.robot_kinematics": ("(6)-(9)", "chained form zeta, body rates, wheels, the arm's tip"),
     "mechanics.constraints": ("(10)", "residual phi, Jacobian J, Jdot u, row by row"),

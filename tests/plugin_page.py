@@ -5,16 +5,21 @@
 writes the table into docs/plugins.md, between its markers.
 """
 
+import pkgutil
 import re
+from importlib import import_module
 from pathlib import Path
 
+from coopmm_jax import kinds as package
 from coopmm_jax.kinds.registry import GROUPS, MISSING, known
-from coopmm_jax.scenario import scenario  # registers all built-in kinds
+from coopmm_jax.metrics import table as metrics  # registers the built-in ones
 
 PAGE = Path(__file__).parent.parent / "docs" / "plugins.md"
 BEGIN, END = "<!-- groups: from tests/plugin_page.py -->\n", "<!-- end of groups -->"
 MOST = 8  # built-in kinds that are named
-assert scenario
+assert metrics
+for module in pkgutil.iter_modules(package.__path__):
+    import_module(f"{package.__name__}.{module.name}")
 
 
 def files(text: str) -> dict[str, str]:
@@ -24,7 +29,7 @@ def files(text: str) -> dict[str, str]:
 
 
 def table() -> str:
-    """What each group asks for, in Markdown."""
+    """Protocols of all groups, in Markdown."""
     lines = []
     for name, group in sorted(GROUPS.items()):
         kinds = list(known(name))

@@ -9,7 +9,14 @@ import yaml
 import coopmm_jax
 
 ROOT = Path(__file__).parent.parent
-PAGES = ("README.md", "docs/plugins.md", "CONTRIBUTING.md", "CHANGELOG.md", "experiments/README.md", "experiments/paper_notes.md")
+PAGES = (
+    "README.md",
+    "docs/plugins.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "experiments/README.md",
+    "experiments/paper_notes.md",
+)
 FOLDERS = ("coopmm_jax", "tuning", "experiments", "tests", "docs")
 
 

@@ -56,7 +56,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(folder):
-    """What came of each command, and of the block of Python, in one process."""
+    """Outcome of each command, and of the block of Python, all in one process."""
     jobs = [("command", command, small(command)) for command in COMMANDS] + [("block", block, []) for block in USE]
     own = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(

@@ -60,7 +60,7 @@ def disturbance_torque(disturbance: Disturbance, t: Scalar) -> jax.Array:
 
 
 def force_on_object(parameters: Parameters, t: Scalar, q: jax.Array) -> jax.Array:
-    """What the disturbances' forces on the object, at tip II in the world, do on both robots (10,)."""
+    """Generalised force (10,) of the disturbances' forces on the object, which act at tip II in the world."""
     forces = [strength(each, t) * jnp.stack(each.force) for each in parameters.disturbance if each.force is not None]
     if not forces:
         return jnp.zeros(10)
