@@ -160,6 +160,13 @@ class Hardware(NamedTuple):
 PAPER_START = (Pose(2.5, 0.0, 0.0, 0.5253, -0.9273, 1.8546), Pose(1.2, 0.0, 0.0, 1.57, 2.62, 1.05))
 
 
+class Schedule(NamedTuple):
+    """Gains that change over time: piecewise linear between K knots, at least two, and constant outside them."""
+
+    times: Vector  # (K,) [s], each later than the one before
+    values: dict[str, tuple]  # by name of the gain, at every knot (K,): a scalar, or a vector as in ``Gains``
+
+
 class Parameters(NamedTuple):
     """Everything numeric a rollout depends on: differentiate or vmap over any part of it."""
 
@@ -170,6 +177,7 @@ class Parameters(NamedTuple):
     reference: Reference | PathReference = Reference()
     start: Pair[Pose] = PAPER_START
     hardware: Hardware = Hardware()
+    schedule: Schedule | None = None  # in the place of the gains that it has; None adds nothing to a program
 
 
 ALL_ROWS = ("contact_normal", "contact_height", "guide_radial", "guide_height")

@@ -36,6 +36,14 @@ def test_a_lane_has_the_same_bits_alone_and_among_others(results):
     assert results["alone"] == results["among"]
 
 
+def test_gradient_at_the_knots_of_gains_that_change(results):
+    exact, central, names = results["at_knots"]
+    assert len(exact) == 12
+    assert names[2] == "k2@t=0"
+    np.testing.assert_allclose(exact, central, rtol=1e-6, atol=1e-7 * np.abs(exact).max())
+    assert all(np.abs(exact) > 0.0)
+
+
 def test_float32_has_the_terms_of_float64_to_a_thousandth(results):
     np.testing.assert_allclose(results["single"], results["terms"], rtol=1e-3, atol=1e-9)
 

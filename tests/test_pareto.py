@@ -123,7 +123,9 @@ def made_up():
     gains = settings.parameters().gains
     values = np.arange(10.0).reshape(5, 2)
     tried = np.concatenate([0.9 * points, [[FAILED, FAILED]]])
-    return Front(settings, ["K_I", "gamma"], np.geomspace(0.01, 10.0, 4), [gains] * 4, values, points, points, tried)
+    return Front(
+        settings, ["K_I", "gamma"], np.geomspace(0.01, 10.0, 4), [gains] * 4, [None] * 4, values, points, points, tried
+    )
 
 
 @pytest.mark.parametrize("small", [False, True])

@@ -68,7 +68,9 @@ def test_same_seed_same_bits_and_another_seed_others(rollouts):
     assert np.any(other.after != first.after)
 
 
-@pytest.mark.parametrize("settings", [{}, {"optimiser": "lbfgs"}, {"optimiser": "adam"}, {"adversaries": 2}], ids=str)
+@pytest.mark.parametrize(
+    "settings", [{"schedule": 2}, {"optimiser": "lbfgs"}, {"optimiser": "adam"}, {"adversaries": 2}], ids=str
+)
 @pytest.mark.parametrize("killed", [0, 5, 30])
 def test_killed_and_resumed_is_uninterrupted(rollouts, tmp_path, settings, killed):
     """Killed after screening, amid a scan, and amid what follows it."""

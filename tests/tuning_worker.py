@@ -32,6 +32,8 @@ SCENARIO = {
     },
 }
 STEP = 1e-4  # of central differences
+KNOTS = {"schedule.times": [0.0, 0.03, 0.08]}  # of gains that change over time: one before tracking counts, one after
+KNOTS |= {"schedule.k2": [5.0, 8.0, 6.0], "tuning.gains": ["K_sigma", "K_lambda", "k2", "K_u"]}
 
 
 def main():
@@ -58,7 +60,18 @@ def main():
         "terms": evaluate.evaluate(search.objective, start[None], samples).terms[0].tolist(),
         "single": evaluate.evaluate(search.objective, start[None], samples, "float32").terms[0].tolist(),
     }
-    print(json.dumps(results))
+    print(json.dumps(results | _over_time()))
+
+
+def _over_time():
+    """Gradient and central differences (n,) of gains at their knots."""
+    problem = build_problem(load_scenario("sensed", **SCENARIO).with_overrides(KNOTS))
+    start, samples = problem.start, problem.samples(5, 2)
+    step = 0.1 * STEP  # limits begin and end at a sample, which puts bends on the cost
+    moved = np.concatenate([start[None], *(start + sign * step * np.eye(start.size) for sign in (1, -1))])
+    costs, gradients = problem.slopes(moved, samples)
+    ahead, behind = np.split(costs[1:], 2)
+    return {"at_knots": [gradients[0].tolist(), ((ahead - behind) / (2.0 * step)).tolist(), problem.names]}
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from coopmm_jax.algebra.matrix import minus
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control import adaptive, backstepping, motion
+from coopmm_jax.control.gain_schedule import rate
 from coopmm_jax.control.reference import Desired, desired_motion
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.model import Model
@@ -73,7 +74,8 @@ def motion_control(
     eta_rates = per_robot(eta_rate, targets, position, state.eta)
     rates = per_robot(position_rates, position, k.velocity)
     z, z_rate = motion.reference_and_rate(model, part, (t, position, state.eta), rates, eta_rates)
-    errors = motion.motion_errors(gains, part, z, z_rate, independent, state.integral)
+    K_u_rate = rate("K_u", model.schedule, t)
+    errors = motion.motion_errors(gains, part, z, z_rate, independent, state.integral, K_u_rate)
     damping = tuple(gain * s for gain, s in zip(gains.K_sigma, errors.sigma, strict=True))
     acceleration = minus(errors.nu_rate, damping)
     first, second = split(part, errors.utilde)

@@ -9,6 +9,7 @@ import jax
 from coopmm_jax.algebra.matrix import minus, norm, plus, scaled
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control import adaptive, backstepping
+from coopmm_jax.control.gain_schedule import in_force
 from coopmm_jax.control.posture import desired_postures, with_posture
 from coopmm_jax.control.reference import Desired, desired_motion
 from coopmm_jax.mechanics import constrained_dynamics, partitioning
@@ -38,10 +39,11 @@ def arm_joints(part: Partition, position: Pair[Position]) -> Pair[Vector]:
 
 
 def reference_velocities(model: Model, part: Partition, t: Scalar, position: Pair[Position], eta: Pair) -> Vector:
-    """z (n,) of both robots, (12) and (13)."""
+    """z (n,) of both robots, (12) and (13), under the gains in force at t [s]."""
+    gains = in_force(model.gains, model.schedule, t)
 
     def of_one(desired: Desired, posture: tuple[Vector, Vector], p: Position, arm: Vector, e: Scalar) -> Vector:
-        return backstepping.reference_velocity(model.gains, with_posture(desired, posture, len(arm)), p, arm, e)
+        return backstepping.reference_velocity(gains, with_posture(desired, posture, len(arm)), p, arm, e)
 
     arms, targets = arm_joints(part, position), desired_motion(model.reference, t)
     first, second = per_robot(of_one, targets, desired_postures(model, part, t), position, arms, eta)
@@ -57,6 +59,8 @@ def reference_and_rate(
 ) -> tuple[Vector, Vector]:
     """z and zdot (n,): the chain rule over t, the positions and eta, by forward differentiation.
 
+    Where gains change over time, so does z through them: that is part of t.
+
     Args:
         model: gains and reference.
         part: independent and dependent joints.
@@ -68,7 +72,13 @@ def reference_and_rate(
 
 
 def motion_errors(
-    gains: Gains, part: Partition, z: Vector, z_rate: Vector, independent: Vector, integral: Vector
+    gains: Gains,
+    part: Partition,
+    z: Vector,
+    z_rate: Vector,
+    independent: Vector,
+    integral: Vector,
+    K_u_rate: Scalar | None = None,
 ) -> MotionErrors:
     """utilde, sigma and nudot (n,) below (15).
 
@@ -79,17 +89,22 @@ def motion_errors(
         z_rate: their rates (n,).
         independent: u^1 (n,).
         integral: I of the independent arm joints [rad].
+        K_u_rate: time derivative of K_u [1/s^2]; None where it is constant.
     """
     utilde = minus(independent, z)
     first, second = split(part, utilde)
     count = len(first) - PLATFORM
 
-    def on_arms(values: Pair[Vector]) -> Vector:
-        one, two = per_robot(lambda v: ((0,) * PLATFORM) + scaled(gains.K_u, v), values)
+    integrals = integral[:count], integral[count:]
+
+    def on_arms(gain: Scalar, values: Pair[Vector]) -> Vector:
+        one, two = per_robot(lambda v: ((0,) * PLATFORM) + scaled(gain, v), values)
         return one + two
 
-    sigma = plus(utilde, on_arms((integral[:count], integral[count:])))
-    nu_rate = minus(z_rate, on_arms((first[PLATFORM:], second[PLATFORM:])))
+    sigma = plus(utilde, on_arms(gains.K_u, integrals))
+    nu_rate = minus(z_rate, on_arms(gains.K_u, (first[PLATFORM:], second[PLATFORM:])))
+    if K_u_rate is not None:
+        nu_rate = minus(nu_rate, on_arms(K_u_rate, integrals))
     return MotionErrors(utilde, sigma, nu_rate)
 
 

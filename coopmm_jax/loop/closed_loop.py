@@ -6,6 +6,7 @@ import functools
 
 from coopmm_jax.algebra.types import PyTree, Scalar
 from coopmm_jax.control.controller import motion_control
+from coopmm_jax.control.gain_schedule import in_force
 from coopmm_jax.control.reference import at_instant
 from coopmm_jax.loop.devices import device_rates
 from coopmm_jax.loop.force_loop import Instant, act, independent_velocity, observe
@@ -29,7 +30,7 @@ def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> 
     Returns:
         The time derivative, as a ``State``, and the ``Signals`` at t.
     """
-    model = model._replace(reference=at_instant(model.reference, t))
+    model = model._replace(reference=at_instant(model.reference, t), gains=in_force(model.gains, model.schedule, t))
     truth = plant_kinematics(structure, model, t, state.position, state.velocity, state.carriage)
     seen, independent = truth, independent_velocity(structure, truth, state)
     if structure.features.surface_motion or structure.compliant:

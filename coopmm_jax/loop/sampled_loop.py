@@ -10,6 +10,7 @@ import jax
 from coopmm_jax.algebra.matrix import minus, plus
 from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
 from coopmm_jax.control.controller import ControllerState, motion_control
+from coopmm_jax.control.gain_schedule import in_force
 from coopmm_jax.control.reference import at_instant, desired_force
 from coopmm_jax.loop.devices import Noise, draw_noise, sense, torque_rates
 from coopmm_jax.loop.force_loop import Instant, act, independent_velocity, observe
@@ -72,7 +73,7 @@ def _decide(
     structure: Structure, sample: Scalar, model: Model, t: Scalar, state: State
 ) -> tuple[Pair[Vector], _Decision, Signals]:
     """Torques to be held [N m], rates of the controller, and the signals."""
-    model = model._replace(reference=at_instant(model.reference, t))
+    model = model._replace(reference=at_instant(model.reference, t), gains=in_force(model.gains, model.schedule, t))
     truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity, state.carriage)
     seen, independent, noise = _measure(structure, model, sample, t, truth, state)
     now = Instant(structure, model, t, truth, seen, state)

@@ -12,7 +12,17 @@ from coopmm_jax.mechanics.randomness import drawn_before
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_dynamics import Lumped, lump
 from coopmm_jax.mechanics.robot_kinematics import arm_angles
-from coopmm_jax.parameters import Gains, Geometry, Hardware, Parameters, PathReference, Pose, Reference, Surface
+from coopmm_jax.parameters import (
+    Gains,
+    Geometry,
+    Hardware,
+    Parameters,
+    PathReference,
+    Pose,
+    Reference,
+    Schedule,
+    Surface,
+)
 
 
 class Model(NamedTuple):
@@ -23,12 +33,13 @@ class Model(NamedTuple):
     gravity: Scalar
     plant: Pair[Lumped]
     nominal: Pair[Lumped]  # the controller's
-    gains: Gains
+    gains: Gains  # in force: the loop puts those of the schedule here at each instant
     disturbance: tuple[Disturbance, ...]
     reference: Reference | PathReference
     posture: Pair[Vector]  # desired (a2, a3) of each robot where they are independent [rad]
     hardware: Hardware
     guide: Any  # Rail, MovingRail or None
+    schedule: Schedule | None  # of gains that change over time
 
 
 def build_model(parameters: Parameters) -> Model:
@@ -51,6 +62,7 @@ def build_model(parameters: Parameters) -> Model:
         posture=nominal_posture(parameters),
         hardware=parameters.hardware,
         guide=plant.guide,
+        schedule=parameters.schedule,
     )
 
 

@@ -84,8 +84,8 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
         UserError: as ``analyse``.
     """
     gains = parameters.gains
-    if structure.substeps or structure.force_delay or any(structure.features):
-        raise UserError("scenario", "the proof's loop: continuous control, ideal devices", "another loop")
+    if structure.substeps or structure.force_delay or any(structure.features) or parameters.schedule:
+        raise UserError("scenario", "the proof's loop: continuous control, ideal devices, constant gains", "another")
     if len(t) == 0:
         raise UserError("trajectory", "at least one sample long", "empty")
     if min(gains.gamma) <= 0:

@@ -36,6 +36,7 @@ from coopmm_jax.scenario.sections.disturbance import Disturbances, paper_disturb
 from coopmm_jax.scenario.sections.hardware import HardwareSections
 from coopmm_jax.scenario.sections.plant import CouplingSection, InitialSection, PlantSection
 from coopmm_jax.scenario.sections.requirements import RequirementsSection
+from coopmm_jax.scenario.sections.schedule import ScheduleSection
 from coopmm_jax.scenario.sections.simulation import SimulationSection
 from coopmm_jax.scenario.sections.tuning import TuningSection
 from coopmm_jax.scenario.sections.uncertainty import UncertaintySection
@@ -52,6 +53,7 @@ class BaseScenario(HardwareSections):
     nominal: NominalSection = NominalSection()
     law: LawSection = LawSection()
     gains: GainsSection = GainsSection()
+    schedule: ScheduleSection = ScheduleSection()
     disturbance: Disturbances = paper_disturbance()
     reference: ReferenceSection = ReferenceSection()
     initial: InitialSection = InitialSection()
@@ -112,6 +114,7 @@ class BaseScenario(HardwareSections):
             reference=self._reference(),
             start=_per_robot(Pose, dict(self.initial)),
             hardware=self.hardware(self.simulation.seed, self.simulation.stream),
+            schedule=self.schedule.schedule(len(self.coupling.rows)),
         )
 
     def _plant(self) -> Plant:
@@ -138,6 +141,7 @@ class BaseScenario(HardwareSections):
     @model_validator(mode="after")
     def _numbers_of_gains(self) -> Self:
         full_gains(dict(self), len(self.coupling.rows))
+        self.schedule.schedule(len(self.coupling.rows))
         return self
 
     @model_validator(mode="after")

@@ -13,26 +13,31 @@ from typing import Any
 import tomli_w
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Gains
+from coopmm_jax.parameters import Gains, Schedule
 from coopmm_jax.scenario.overrides import read_toml
 from coopmm_jax.scenario.sections.controller import GAINS, gain_tables
+from coopmm_jax.scenario.sections.schedule import schedule_table
 
-_SECTIONS = {gain.section for gain in GAINS.values()}
+_SECTIONS = {gain.section for gain in GAINS.values()} | {"schedule"}
 
 
-def gains_text(gains: Gains) -> str:
+def gains_text(gains: Gains, schedule: Schedule | None = None) -> str:
     """TOML of every gain, in the sections that a scenario has them in."""
-    return tomli_w.dumps(gain_tables(gains))
+    table = schedule_table(schedule) if schedule else {}
+    given = {name: value for name, value in table.items() if value != "none"}
+    return tomli_w.dumps(gain_tables(gains) | ({"schedule": given} if given else {}))
 
 
 def read_gains(path: str | Path) -> dict[str, Any]:
-    """The tables of a gains file, to be laid over a scenario.
+    """The tables of a gains file, to be laid over a scenario: what it says holds, whatever schedule the scenario has.
 
     Raises:
-        UserError: a file that cannot be read, or that holds anything but [gains] and [law].
+        UserError: a file that cannot be read, or that holds anything but [gains], [law] and [schedule].
     """
     tables = read_toml(path, "--gains-file")
     others = [name for name in tables if name not in _SECTIONS]
     if others or "gains" not in tables:
-        raise UserError("--gains-file", "a file of [gains] and [law]", f"{path} with {', '.join(tables) or 'nothing'}")
-    return tables
+        raise UserError(
+            "--gains-file", "a file of [gains], [law] and [schedule]", f"{path} with {', '.join(tables) or 'nothing'}"
+        )
+    return tables | {"schedule": schedule_table(None) | tables.get("schedule", {})}

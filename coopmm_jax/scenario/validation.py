@@ -95,6 +95,8 @@ def _path(model: type[BaseModel], location: Iterable[str | int]) -> tuple[list[s
             tagged = True
             continue
         path.append(part)
+        if leaf and isinstance(part, int):
+            continue  # of a list, whose entries may be alternatives too
         kind = fields[part].annotation if isinstance(part, str) and part in fields else None
         leaf, fields = kind is not None and not hasattr(kind, "model_fields"), getattr(kind, "model_fields", {})
     return path, tagged

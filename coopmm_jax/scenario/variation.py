@@ -33,7 +33,14 @@ from coopmm_jax.scenario.validation import closest, validate
 
 Varied = TypeVar("Varied", bound=BaseScenario)
 MASSES = "masses"  # plant.masses stands for all masses and inertias of the plant
-_EXCLUDED = ("simulation", "law", "gains", "uncertainty", "requirements")  # settings and design, not the world
+_EXCLUDED = (
+    "simulation",
+    "law",
+    "gains",
+    "schedule",
+    "uncertainty",
+    "requirements",
+)  # settings and design, not the world
 # The ends of what can be drawn: no sampler comes closer to 0 and 1.
 LOWEST, HIGHEST = 2.0**-54, 1.0 - 2.0**-53
 _INSIDE = 0.6180339887498949  # a point of no symmetry

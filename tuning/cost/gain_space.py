@@ -16,8 +16,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Gains
-from coopmm_jax.scenario.sections.controller import GAINS
+from coopmm_jax.parameters import Gains, Parameters, Schedule
+from coopmm_jax.scenario.sections.controller import GAINS, gain_tables
+from coopmm_jax.scenario.sections.schedule import INITIAL, schedule_table
 
 if TYPE_CHECKING:
     from coopmm_jax.scenario.scenario import Scenario
@@ -28,15 +29,18 @@ class GainSpace:
     """The n numbers that are tuned and what they stand for; hashable.
 
     A number x stands for the gain exp(x) - offset: one unit of x is a factor of e. The offset is 1 for K_lambda, which
-    only has to exceed -1, and 0 for positive gains.
+    only has to exceed -1, and 0 for positive gains. Gains that change over time have every number once for each of K
+    knots: first all numbers of the first knot, then all of the second, and so on.
     """
 
-    base: Gains  # the starting gains
+    bases: tuple[Gains, ...]  # the starting gains, at every knot (K,)
     names: tuple[str, ...]  # of the tuned gains
     owner: tuple[int, ...]  # (n,) position in ``names`` of the gain that a number belongs to
     low: tuple[float, ...]  # (n,) log(bound + offset)
     high: tuple[float, ...]  # (n,)
     shared: bool
+    times: tuple[float, ...] = ()  # of the knots (K,) [s]; empty for constant gains
+    kept: tuple[str, ...] = ()  # gains that change over time and are not tuned
 
     @property
     def size(self) -> int:
@@ -44,10 +48,20 @@ class GainSpace:
         return len(self.owner)
 
     @property
+    def knots(self) -> int:
+        """K."""
+        return len(self.bases)
+
+    @property
     def start(self) -> np.ndarray:
         """The vector of the starting gains (n,)."""
-        values = np.array([value for name in self.names for value in self._entries(name)])
+        values = np.array([value for base in self.bases for name in self.names for value in self._entries(base, name)])
         return np.log(values + self._offsets())
+
+    @property
+    def moves(self) -> np.ndarray:
+        """Directions (G, n) along which each of the G = n / K gains changes alone, over the whole time."""
+        return np.tile(np.eye(self.size // self.knots), self.knots)
 
     def inside(self, vectors: np.ndarray) -> np.ndarray:
         """The nearest vectors (..., n) between the bounds."""
@@ -58,17 +72,41 @@ class GainSpace:
         return jnp.exp(vector) - self._offsets()
 
     def gains(self, vector: Any) -> Gains:
-        """All gains, with the tuned ones from ``vector`` (n,)."""
-        values = self.values(vector)
+        """All gains, at the first knot, with the tuned ones from ``vector`` (n,)."""
+        return self._at_knots(vector)[0]
+
+    def schedule(self, vector: Any) -> Schedule | None:
+        """The gains that change over time; None where all are constant."""
+        if not self.times:
+            return None
+        at_knots = self._at_knots(vector)
+        values = {name: tuple(getattr(gains, name) for gains in at_knots) for name in (*self.names, *self.kept)}
+        return Schedule(self.times, values)
+
+    def applied(self, parameters: Parameters, vector: Any) -> Parameters:
+        """Parameters with the gains of ``vector`` (n,)."""
+        return parameters._replace(gains=self.gains(vector), schedule=self.schedule(vector))
+
+    def tables(self, vector: Any) -> dict[str, Any]:
+        """Tables of a scenario file with the tuned gains of ``vector`` (n,)."""
+        tables = gain_tables(self.gains(vector), self.names)
+        return tables | ({"schedule": schedule_table(self.schedule(vector))} if self.times else {})
+
+    def _at_knots(self, vector: Any) -> list[Gains]:
+        values, each = self.values(vector), self.size // self.knots
+        return [self._gains(base, values[k * each : (k + 1) * each]) for k, base in enumerate(self.bases)]
+
+    def _gains(self, base: Gains, values: Any) -> Gains:
+        """All gains at one knot, from their values there (n / K,)."""
         changed = {}
         for i, name in enumerate(self.names):
-            entries = [values[k] for k, owner in enumerate(self.owner) if owner == i]
-            before = getattr(self.base, name)
+            entries = [values[k] for k in range(self.size // self.knots) if self.owner[k] == i]
+            before = getattr(base, name)
             if isinstance(before, tuple):
                 changed[name] = tuple(entries * len(before) if self.shared else entries)
             else:
                 changed[name] = entries[0]
-        return self.base._replace(**changed)
+        return base._replace(**changed)
 
     def spread(self, fractions: np.ndarray) -> np.ndarray:
         """Vectors (..., n) whose gains lie at ``fractions`` (..., names) of their logarithmic ranges.
@@ -85,13 +123,19 @@ class GainSpace:
         return np.concatenate([self.start[None], self.spread(points)[1:]])
 
     def labels(self) -> list[str]:
-        """Name of each number (n,), as K_I[2]."""
-        counts = [self.owner.count(i) for i in self.owner]
-        index = [k - self.owner.index(i) for k, i in enumerate(self.owner)]
-        return [self.names[i] + (f"[{j}]" if c > 1 else "") for i, j, c in zip(self.owner, index, counts, strict=True)]
+        """Name of each number (n,), as K_I[2], or K_I[2]@t=2.5 at a knot."""
+        labels = self.entry_labels()
+        return [f"{label}@t={time:g}" for time in self.times for label in labels] if self.times else labels
 
-    def _entries(self, name: str) -> tuple[float, ...]:
-        value = getattr(self.base, name)
+    def entry_labels(self) -> list[str]:
+        """Name of each gain, over all its knots (n / K,)."""
+        owner = self.owner[: self.size // self.knots]
+        counts = [owner.count(i) for i in owner]
+        index = [k - owner.index(i) for k, i in enumerate(owner)]
+        return [self.names[i] + (f"[{j}]" if c > 1 else "") for i, j, c in zip(owner, index, counts, strict=True)]
+
+    def _entries(self, base: Gains, name: str) -> tuple[float, ...]:
+        value = getattr(base, name)
         if not isinstance(value, tuple):
             return (value,)
         return value[:1] if self.shared else value
@@ -104,25 +148,56 @@ def gain_space(scenario: Scenario) -> GainSpace:
     """The numbers that the scenario's [tuning] wants tuned.
 
     Raises:
-        UserError: a bound that excludes the starting gain, or different entries to be tuned as one.
+        UserError: a bound that excludes the starting gain, different entries to be tuned as one, or knots other than
+            those of the scenario's own schedule.
     """
-    base, settings = scenario.parameters().gains, scenario.tuning
+    settings, (times, bases, kept) = scenario.tuning, _knots(scenario)
     shared = settings.channels == "shared"
     owner, low, high = [], [], []
     for i, name in enumerate(settings.gains):
-        value, bounds = getattr(base, name), getattr(settings.bounds, name)
-        entries = value if isinstance(value, tuple) else (value,)
-        if shared and len(set(entries)) > 1:
-            raise UserError(f"gains.{name}", "one number where tuning.channels is shared", list(entries))
-        for entry in entries:
-            if not bounds[0] <= entry <= bounds[1]:
-                must = f"bounds between which the starting gain {entry:g} lies"
-                raise UserError(f"tuning.bounds.{name}", must, list(bounds))
+        bounds, entries = getattr(settings.bounds, name), _as_tuple(getattr(bases[0], name))
+        for base in bases:
+            _check_start(name, _as_tuple(getattr(base, name)), bounds, shared)
         for _ in entries[:1] if shared else entries:
             owner.append(i)
             low.append(float(np.log(bounds[0] + _offset(name))))
             high.append(float(np.log(bounds[1] + _offset(name))))
-    return GainSpace(base, settings.gains, tuple(owner), tuple(low), tuple(high), shared)
+    count = len(bases)
+    bounds = (tuple(low * count), tuple(high * count))
+    return GainSpace(bases, settings.gains, tuple(owner * count), *bounds, shared, times, kept)
+
+
+def _as_tuple(value: Any) -> tuple[float, ...]:
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _check_start(name: str, entries: tuple[float, ...], bounds: tuple[float, float], shared: bool) -> None:
+    if shared and len(set(entries)) > 1:
+        raise UserError(f"gains.{name}", "one number where tuning.channels is shared", list(entries))
+    for entry in entries:
+        if not bounds[0] <= entry <= bounds[1]:
+            must = f"bounds between which the starting gain {entry:g} lies"
+            raise UserError(f"tuning.bounds.{name}", must, list(bounds))
+
+
+def _knots(scenario: Scenario) -> tuple[tuple[float, ...], tuple[Gains, ...], tuple[str, ...]]:
+    """Times of the knots, the scenario's gains at each of them, and those that change over time without being tuned."""
+    parameters, count = scenario.parameters(), scenario.tuning.schedule
+    gains, own = parameters.gains, parameters.schedule
+    if own is None and count == 1:
+        return (), (gains,), ()
+    if own is not None and count not in (1, len(own.times)):
+        raise UserError("tuning.schedule", f"left out, or {len(own.times)} as schedule.times has", count)
+    if INITIAL in scenario.tuning.gains:
+        raise UserError(
+            "tuning.gains", f"without {INITIAL}, which acts at the start alone, where gains change", INITIAL
+        )
+    if own is None:
+        times = tuple(np.linspace(0.0, scenario.simulation.duration, count).tolist())
+        return times, (gains,) * count, ()
+    values = [{name: knots[k] for name, knots in own.values.items()} for k in range(len(own.times))]
+    kept = tuple(name for name in own.values if name not in scenario.tuning.gains)
+    return tuple(float(t) for t in own.times), tuple(gains._replace(**at) for at in values), kept
 
 
 def _offset(name: str) -> float:

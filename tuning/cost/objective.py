@@ -106,7 +106,7 @@ class Objective:
             parameters: of one sample, scalars.
             for_gradient: static; the form that ``jax.grad`` runs twice as fast, and a batch without it a fifth slower.
         """
-        parameters = parameters._replace(gains=self.space.gains(vector))
+        parameters = self.space.applied(parameters, vector)
         long = self.steps * max(1, self.structure.substeps) > _KEPT
         plan = Plan.gradient(self.steps, _SEGMENT, long) if for_gradient else Plan.batch(self.steps, _SEGMENT)
         result = rollout(self.structure, parameters, self.step, self.steps, plan, self._observer(parameters))

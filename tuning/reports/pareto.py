@@ -39,8 +39,8 @@ def check_folder(folder: Path) -> None:
 
 def write_report(folder: Path, front: Front) -> None:
     """Write front.txt, front.csv, front.png and a gains file for each weighting."""
-    for name, gains in zip(_names(front)[1:], front.gains, strict=True):
-        write_text(folder / name, gains_text(gains))
+    for name, gains, schedule in zip(_names(front)[1:], front.gains, front.schedules, strict=True):
+        write_text(folder / name, gains_text(gains, schedule))
     write_text(folder / "front.txt", table(front))
     rows = _rows(front)
     write_csv(folder / TABLE, list(rows[0]), (row.values() for row in rows))

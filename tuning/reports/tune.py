@@ -72,12 +72,17 @@ def table(result: TuningResult) -> str:
 
 
 def _gains(result: TuningResult) -> list[str]:
-    """Every tuned gain, and how far it may go alone."""
+    """Every tuned gain, and how far it may go alone; then its values at the knots, if it has them."""
     head = f"may be alone, until the cost rises by {RISE:.0%} or a robot fails (!)"
     lines = [f"{'gain':16} {'before':>12} {'after':>12}   {head}"]
-    for before, margin in zip(result.before, result.margins, strict=True):
+    means = result.before.reshape(-1, len(result.margins)).mean(axis=0)
+    for before, margin in zip(means, result.margins, strict=True):
         low, high = (_end(*end) for end in ((margin.low, margin.below), (margin.high, margin.above)))
         lines.append(f"{margin.name:16} {before:12.5g} {margin.value:12.5g}   {low} to {high}")
+    if result.schedule is not None:
+        lines += ["", "above: means over the knots; all knots of a gain are moved together. At each knot:"]
+        values = zip(result.labels, result.before, result.after, strict=True)
+        lines += [f"{label:24} {before:12.5g} {after:12.5g}" for label, before, after in values]
     return lines
 
 

@@ -5,7 +5,7 @@ the budget, since one or two gains of such a point are far off; generations alon
 where they end, a scan still frees a gain that lies on a plateau.
 
 >>> from coopmm_jax.scenario.sections.tuning import TuningSection
->>> [type(plan(TuningSection(), seed=0).stage(i)).__name__ for i in range(4)]
+>>> [type(plan(TuningSection(), seed=0, numbers=19).stage(i)).__name__ for i in range(4)]
 ['Scan', 'Generations', 'Scan', 'Generations']
 """
 
@@ -89,10 +89,14 @@ class Stage(Protocol):
 
 @dataclass(frozen=True)
 class Scan:
-    """Every gain in turn, in random order, at values over its whole range; the best one is kept."""
+    """Every gain in turn, in random order, at values over its whole range; the best one is kept.
+
+    One that changes over time keeps its shape: all its knots move together.
+    """
 
     seed: int
     samples: int = 8
+    knots: int = 1  # of each gain, see ``GainSpace``
     points: int = 8  # the gain's present value and seven others
     until: float = 1.0
     precision: str = "float64"
@@ -104,10 +108,12 @@ class Scan:
 
     def advance(self, place: Place, trials: Trials) -> Outcome:
         """Try one gain."""
-        n = place.vector.size
+        n = place.vector.size // self.knots
         i = np.random.default_rng((self.seed, place.stage)).permutation(n)[place.step]
         tried = np.repeat(place.vector[None], self.points, axis=0)
-        tried[1:, i] = np.linspace(trials.low[i], trials.high[i], self.points - 1)
+        shape = place.vector[i::n] - place.vector[i::n].mean()
+        levels = np.linspace(trials.low[i], trials.high[i], self.points - 1)
+        tried[1:, i::n] = np.clip(levels[:, None] + shape, trials.low[i], trials.high[i])
         values = trials.values(tried, self.samples, place.draw, self.precision)
         best = int(np.argmin(values))
         if not values[best] < values[0] - _WORTH * abs(values[0]):
@@ -116,7 +122,7 @@ class Scan:
 
     def due(self, place: Place) -> bool:
         """True if every gain has had its turn."""
-        return place.step == place.vector.size
+        return place.step == place.vector.size // self.knots
 
     def offer(self, place: Place) -> np.ndarray:
         """The gains kept so far (1, n)."""
@@ -124,7 +130,7 @@ class Scan:
 
     def ended(self, place: Place, stale: int) -> bool:
         """True if every gain has had its turn."""
-        return place.step == place.vector.size
+        return self.due(place)
 
 
 class Evolving(NamedTuple):
@@ -231,13 +237,19 @@ class Plan(NamedTuple):
         return self.narrow if number % 2 else self.scan
 
 
-def plan(settings: TuningSection, seed: int) -> Plan:
+def plan(settings: TuningSection, seed: int, numbers: int, knots: int = 1) -> Plan:
     """The search that [tuning] asks for.
+
+    Args:
+        settings: [tuning].
+        seed: of all that is random.
+        numbers: n, that are tuned.
+        knots: of each gain, see ``GainSpace``.
 
     Raises:
         UserError: an optimiser that does not exist.
     """
-    scan, coarse = Scan(seed, 2 * settings.samples), settings.coarse
+    scan, coarse = Scan(seed, 2 * settings.samples, knots), settings.coarse
     first = replace(scan, precision=coarse)
     if settings.optimiser in ("auto", "cma"):
         narrow = Generations(seed, settings.samples, settings.population, NARROW, 1.0)

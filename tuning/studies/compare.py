@@ -15,7 +15,7 @@ import jax
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Gains
+from coopmm_jax.parameters import Gains, Parameters, Schedule
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import vary
@@ -30,16 +30,17 @@ OWN = "scenario"  # stands for the scenario's own gains in the place of a file
 class AnyGains:
     """All gains as a vector of their numbers, in their own units: unlike ``GainSpace``, those not tuned as well."""
 
-    structure: Any  # of ``Gains`` as a pytree
+    structure: Any  # of (``Gains``, ``Schedule`` or None) as a pytree
 
     @property
     def size(self) -> int:
         """Length of a vector."""
         return self.structure.num_leaves
 
-    def gains(self, vector: Any) -> Gains:
-        """The gains that a vector (n,) stands for."""
-        return jax.tree.unflatten(self.structure, [vector[i] for i in range(self.size)])
+    def applied(self, parameters: Parameters, vector: Any) -> Parameters:
+        """Parameters with the gains that a vector (n,) stands for."""
+        gains, schedule = jax.tree.unflatten(self.structure, [vector[i] for i in range(self.size)])
+        return parameters._replace(gains=gains, schedule=schedule)
 
 
 @dataclass(frozen=True)
@@ -85,8 +86,8 @@ def compare_gains(
         check_count(samples, "--samples", len(sources))
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
-    sets = [_gains(scenario, source) for source in sources]
-    problem = _problem(scenario)
+    own, *sets = alike([_gains(scenario, source) for source in (OWN, *sources)])
+    problem = _problem(scenario, own)
     vectors = np.stack([_vector(gains) for gains in sets])
     comparison = compare(problem, vectors, TEST, samples or scenario.tuning.test_samples)
     return ComparedGains(scenario, labels(sources), comparison)
@@ -109,10 +110,32 @@ def labels(sources: Sequence[str | Path]) -> tuple[str, ...]:
     return tuple(name if count == 1 else f"{name} ({count})" for name, count in zip(short, again, strict=True))
 
 
-def _gains(scenario: Scenario, source: str | Path) -> Gains:
-    """The scenario's gains under a gains file."""
+def alike(sets: Sequence[Parameters]) -> list[tuple[Gains, Schedule | None]]:
+    """Gains and schedules that differ in their numbers alone: what changes over time in one does so in all.
+
+    >>> ramp = Parameters(schedule=Schedule((0.0, 1.0), {"k2": (5.0, 7.0)}))
+    >>> [schedule.values["k2"] for _, schedule in alike([Parameters(), ramp])]
+    [(5.0, 5.0), (5.0, 7.0)]
+    """
+    schedules = [each.schedule for each in sets if each.schedule is not None]
+    names = sorted({name for schedule in schedules for name in schedule.values})
+    knots = max((len(schedule.times) for schedule in schedules), default=0)
+    return [(each.gains, _extended(each, names, knots) if schedules else None) for each in sets]
+
+
+def _extended(parameters: Parameters, names: Sequence[str], knots: int) -> Schedule:
+    """A schedule of these gains with so many knots: constant ones have the same value at all, later ones the last."""
+    times, values = parameters.schedule or ((0.0,), {})
+    more = knots - len(times)
+    later = tuple(times[-1] + 1.0 + i for i in range(more))
+    found = {name: values.get(name, (getattr(parameters.gains, name),) * len(times)) for name in names}
+    return Schedule((*times, *later), {name: at + at[-1:] * more for name, at in found.items()})
+
+
+def _gains(scenario: Scenario, source: str | Path) -> Parameters:
+    """Parameters of the scenario under a gains file."""
     if str(source) == OWN:
-        return scenario.parameters().gains
+        return scenario.parameters()
     try:
         tables = read_gains(source)
     except UserError as error:
@@ -124,19 +147,21 @@ def _gains(scenario: Scenario, source: str | Path) -> Gains:
     if changed.structure() != scenario.structure():
         must = "without choices that change the control law's equations (simulate them as scenarios of their own)"
         raise UserError(f"{source}: law", must, ", ".join(tables["law"]))
-    return changed.parameters().gains
+    return changed.parameters()
 
 
-def _vector(gains: Gains) -> np.ndarray:
+def _vector(gains: tuple[Gains, Schedule | None]) -> np.ndarray:
     return np.array(jax.tree.leaves(gains))
 
 
-def _problem(scenario: Scenario) -> Problem:
-    """The scenario's cost over its whole duration, as a function of any gains."""
-    variation, own = vary(scenario), scenario.parameters().gains
+def _problem(scenario: Scenario, own: tuple[Gains, Schedule | None]) -> Problem:
+    """The scenario's cost over its whole duration, as a function of any gains, its ``own`` among them."""
+    variation = vary(scenario)
     if not variation.numbers:
         raise UserError("uncertainty", "given, so that there are samples to compare on", "empty")
-    space: Any = AnyGains(jax.tree.structure(own))  # in the place of a GainSpace: only its size and gains are used
+    space: Any = AnyGains(
+        jax.tree.structure(own)
+    )  # in the place of a GainSpace: only its size and what it applies are used
     settings = scenario.tuning
     objective = Objective(space, variation.structure(), scenario.sample_time, scenario.steps, settings.tracking_from)
     return scaled(with_objective(scenario, variation, objective), _vector(own))

@@ -77,9 +77,9 @@ def _horizon(problem: Problem) -> Horizon:
 
 def _with_gains(problem: Problem, vector: np.ndarray, samples: Samples, rows: np.ndarray) -> Parameters:
     """Parameters of some samples under the gains of a vector, every leaf (B,)."""
-    gains = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), len(rows)), problem.space.gains(vector))
-    parameters = jax.tree.unflatten(samples.structure, list(samples.rows[rows].T))
-    return parameters._replace(gains=gains)
+    drawn = jax.tree.unflatten(samples.structure, list(samples.rows[rows].T))
+    parameters = problem.space.applied(drawn, vector)
+    return jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), len(rows)), parameters)
 
 
 def _measured(problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon) -> measure.Measured:

@@ -17,7 +17,7 @@ NUDGE = 1.25  # factor on a gain by which near-equal gains are told apart
 
 
 class Margin(NamedTuple):
-    """Range of one tuned number, the others as they are."""
+    """Range of one tuned gain, the others as they are."""
 
     name: str  # as K_I[2]
     value: float
@@ -28,9 +28,14 @@ class Margin(NamedTuple):
 
 
 def margins(problem: Problem, vector: np.ndarray) -> list[Margin]:
-    """The margin of every number of a vector (n,): by bisection over ``FACTORS``, all numbers at once."""
-    n = vector.size
+    """The margin of every gain of a vector (n,): by bisection over ``FACTORS``, all gains at once.
+
+    One that changes over time is moved at all its knots together, and described by its mean over them.
+    """
+    moves = problem.space.moves
+    n = len(moves)
     signs, index = np.repeat([-1.0, 1.0], n), np.tile(np.arange(n), 2)
+    along = signs[:, None] * moves[index]
     samples, precision = problem.drawn(SAMPLES, CHOICE), problem.scenario.tuning.coarse
     limit = (1.0 + RISE) * problem.cost.values(vector[None], samples, precision)[0]
     steps = np.log(np.concatenate([[1.0], FACTORS]))
@@ -38,8 +43,7 @@ def margins(problem: Problem, vector: np.ndarray) -> list[Margin]:
     failing = np.zeros(2 * n, bool)
     while np.any(bad - good > 1):
         middle = (good + bad) // 2
-        moved = np.repeat(vector[None], 2 * n, axis=0)
-        moved[np.arange(2 * n), index] += signs * steps[middle]
+        moved = vector + steps[middle, None] * along
         found = evaluate.evaluate(problem.cost.objective, moved, samples, precision)
         lost = ~found.completed.all(axis=1)
         risks = np.array([float(problem.cost.risk(row)) for row in found.costs(problem.cost.coefficients)])
@@ -47,15 +51,18 @@ def margins(problem: Problem, vector: np.ndarray) -> list[Margin]:
         good = np.where(kept, middle, good)
         failing = np.where(kept, failing, lost)
         bad = np.where(kept, bad, middle)
-    ends = np.repeat(vector[None], 2 * n, axis=0)
-    ends[np.arange(2 * n), index] += signs * steps[good]
-    values = np.array([np.asarray(problem.space.values(row)) for row in ends])[np.arange(2 * n), index]
+    values = np.stack([_means(problem, row) for row in vector + steps[good, None] * along])[np.arange(2 * n), index]
     beyond = np.where(bad == len(steps), "free", np.where(failing, "fails", "cost"))
-    own = np.asarray(problem.space.values(vector))
+    own = _means(problem, vector)
     return [
         Margin(name, float(own[i]), float(values[i]), float(values[n + i]), str(beyond[i]), str(beyond[n + i]))
-        for i, name in enumerate(problem.names)
+        for i, name in enumerate(problem.space.entry_labels())
     ]
+
+
+def _means(problem: Problem, vector: np.ndarray) -> np.ndarray:
+    """Gains of a vector (n,), averaged over their knots (G,)."""
+    return np.asarray(problem.space.values(vector)).reshape(problem.space.knots, -1).mean(axis=0)
 
 
 def sturdiest(problem: Problem, vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -69,9 +76,9 @@ def sturdiest(problem: Problem, vectors: np.ndarray, values: np.ndarray) -> np.n
     near = vectors[values <= (1.0 + NEAR) * values[0]]
     if len(near) == 1:
         return near[0]
-    n, step = near.shape[1], np.log(NUDGE)
-    nudges = np.concatenate([-step * np.eye(n), step * np.eye(n)])
-    moved = (near[:, None] + nudges).reshape(-1, n)
+    moves, step = problem.space.moves, np.log(NUDGE)
+    nudges = np.concatenate([-step * moves, step * moves])
+    moved = (near[:, None] + nudges).reshape(-1, near.shape[1])
     precision = problem.scenario.tuning.coarse
     risks = problem.cost.values(moved, problem.drawn(SAMPLES, CHOICE), precision).reshape(len(near), -1)
     return near[int(np.argmin(risks.mean(axis=1)))]

@@ -17,12 +17,12 @@ import jax
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Gains
+from coopmm_jax.parameters import Gains, Schedule
 from coopmm_jax.scenario.scenario import Scenario
 from tuning.cost import evaluate
 from tuning.cost.evaluate import Evaluated
 from tuning.cost.objective import TERMS
-from tuning.cost.problem import SCREENING, TEST, Problem, build_problem, check_tuning
+from tuning.cost.problem import SCREENING, TEST, Problem, build_problem, unscaled
 from tuning.cost.robust_cost import RobustCost
 from tuning.cost.trials import DrawnTrials
 from tuning.search.stages import plan
@@ -74,6 +74,7 @@ class Front:
     labels: list[str]  # of the tuned numbers (n,)
     weights: np.ndarray  # of effort against quality (K,)
     gains: list[Gains]  # (K,)
+    schedules: list[Schedule | None]  # (K,) of those that change over time
     values: np.ndarray  # the tuned numbers (1 + K, n), first the scenario's
     points: np.ndarray  # (quality, effort) on the untouched samples (1 + K, 2)
     validation: np.ndarray  # the same on the samples that chose them (1 + K, 2)
@@ -120,9 +121,9 @@ def tune_front(
         raise UserError("--pareto", f"from 2 to {MOST} weightings", count)
     say = stage or (lambda name: None)
     with jax.enable_x64(True):
-        chosen = plan(scenario.tuning, scenario.simulation.seed)
         groups = _groups(scenario)
-        check_tuning(scenario)
+        space = unscaled(scenario).space
+        chosen = plan(scenario.tuning, scenario.simulation.seed, space.size, space.knots)
         say("compiling")
         problem = build_problem(scenario)
         weights = np.geomspace(*WEIGHTS, count)
@@ -178,6 +179,7 @@ def _front(problem: Problem, groups: np.ndarray, weights: np.ndarray, each: np.n
         labels=space.labels(),
         weights=weights,
         gains=[space.gains(vector) for vector in vectors[1:]],
+        schedules=[space.schedule(vector) for vector in vectors[1:]],
         values=np.stack([np.asarray(space.values(vector)) for vector in vectors]),
         points=_means(untouched, parts),
         validation=tried[rows],

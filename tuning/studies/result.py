@@ -10,7 +10,6 @@ import numpy as np
 
 from coopmm_jax.scenario.gains_file import gains_text
 from coopmm_jax.scenario.scenario import Scenario
-from coopmm_jax.scenario.sections.controller import gain_tables
 from coopmm_jax.software import versions
 from tuning.cost.problem import TEST
 from tuning.studies.chatter import Slopes, slopes
@@ -56,6 +55,11 @@ class TuningResult:
         """The tuned gains, ``coopmm_jax.parameters.Gains``."""
         return self.scenario.parameters().gains
 
+    @property
+    def schedule(self) -> Any:
+        """Tuned gains that change over time, ``coopmm_jax.parameters.Schedule``; None where all are constant."""
+        return self.scenario.parameters().schedule
+
     def _repr_html_(self) -> str:
         from tuning.studies.html import page  # what it needs is slow to import, and only a notebook asks
 
@@ -80,7 +84,7 @@ def report(
         vectors = np.stack([space.start, vector])
         before, after = (np.asarray(space.values(each)) for each in vectors)
         return TuningResult(
-            scenario=scenario.with_overrides(gain_tables(space.gains(vector), space.names)),
+            scenario=scenario.with_overrides(space.tables(vector)),
             labels=space.labels(),
             before=before,
             after=after,
@@ -106,7 +110,7 @@ def gains_file(result: TuningResult) -> str:
         f"search: {result.stopped or 'none'}",
         made,
     ]
-    return "".join(f"# {' '.join(line.split())}\n" for line in lines) + gains_text(result.gains)
+    return "".join(f"# {' '.join(line.split())}\n" for line in lines) + gains_text(result.gains, result.schedule)
 
 
 def _at_bounds(problem: Problem, vector: np.ndarray) -> list[str]:

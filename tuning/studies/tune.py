@@ -87,11 +87,11 @@ def tune(
         scenario = load_scenario(scenario)
     say = stage or (lambda name: None)
     with jax.enable_x64(True), state.run_folder(out, resume) as folder:
-        chosen = plan(scenario.tuning, scenario.simulation.seed)
+        before = unscaled(scenario)
+        chosen = plan(scenario.tuning, scenario.simulation.seed, before.space.size, before.space.knots)
         found = state.read(folder, scenario.to_toml()) if resume and folder else None
-        ahead = (unscaled(scenario), chosen)
         say("compiling")
-        threading.Thread(target=compile_ahead, args=ahead, name="compile ahead").start()
+        threading.Thread(target=compile_ahead, args=(before, chosen), name="compile ahead").start()
         problem = build_problem(scenario)
         driver = Driver(folder, problem, progress, say)
         run = driver.begin() if found is None else _unpacked(problem, chosen, found)

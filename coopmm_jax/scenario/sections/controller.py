@@ -112,16 +112,32 @@ def full_gains(sections: Mapping[str, Any], rows: int) -> parameters.Gains:
     Raises:
         UserError: a list of the wrong length.
     """
-    values = {}
-    for name, about in GAINS.items():
-        value, count = getattr(sections[about.section], name), about.entries(rows)
-        if count is not None and not isinstance(value, tuple):
-            value = (value,) * count
-        if count is not None and len(value) != count:
-            must = f"one number or a list of {count}, one per {about.per}"
-            raise UserError(f"{about.section}.{name}", must, f"a list of {len(value)}")
-        values[name] = value
+    values = {
+        name: entries_of(name, getattr(sections[about.section], name), rows, f"{about.section}.{name}")
+        for name, about in GAINS.items()
+    }
     return parameters.Gains(**values)
+
+
+def entries_of(name: str, value: Any, rows: int, field: str) -> Any:
+    """A gain as a rollout takes it: a number, or a tuple (n,) for which one number may stand.
+
+    Args:
+        name: of the gain.
+        value: as a scenario has it.
+        rows: number of constraint rows in force.
+        field: where the scenario has it, for the error.
+
+    Raises:
+        UserError: a list of the wrong length.
+    """
+    about = GAINS[name]
+    count = about.entries(rows)
+    if count is not None and not isinstance(value, tuple):
+        value = (value,) * count
+    if count is not None and len(value) != count:
+        raise UserError(field, f"one number or a list of {count}, one per {about.per}", f"a list of {len(value)}")
+    return value
 
 
 def gain_tables(gains: parameters.Gains, names: Iterable[str] = parameters.Gains._fields) -> dict[str, dict[str, Any]]:

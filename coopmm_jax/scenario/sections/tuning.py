@@ -22,6 +22,7 @@ from coopmm_jax.scenario.sections.controller import GAINS
 from coopmm_jax.scenario.validation import closest
 
 Adversaries = Annotated[int, Strict(), Field(ge=0, le=32)]  # no search finds more different ones for certain
+Knots = Annotated[int, Strict(), Field(ge=1, le=64)]
 Population = Annotated[int, Strict(), Field(ge=4)]
 Level = Annotated[float, Strict(), Field(ge=0, lt=1)]
 
@@ -75,6 +76,7 @@ class TuningSection(Section):
 
     gains: tuple[str, ...] = quantity(("K_sigma", "gamma", "K_lambda", "K_I"), "gains to tune, by name")
     channels: Literal["separate", "shared"] = quantity("separate", "entries of a gain tuned one by one or as one")
+    schedule: Knots = quantity(1, "knots over time of every tuned gain, linear between them; 1: constant gains")
     bounds: Bounds = quantity(Bounds(), "[low, high] by gain")
     weights: Weights = quantity(Weights(), "of the cost's terms, by name")
     adversaries: Adversaries = quantity(0, "worst samples searched for after an iteration, to train on from then on")
