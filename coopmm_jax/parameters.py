@@ -56,7 +56,7 @@ class Rail(NamedTuple):
     """Guide along a path, on which the object runs freely."""
 
     path: PyTree  # of ``kinds/paths.py``
-    start: Scalar = 0.0  # phase at which the search for the carriage begins
+    start: PyTree = 0.0  # phase at which the search for the carriage begins, or a timing that begins there
 
 
 class MovingRail(NamedTuple):

@@ -101,6 +101,7 @@ def effort_and_health(run):
         "torque_variation": np.abs(np.diff(run.torque, axis=0)).sum(),
         "wheel_torque_variation_late": np.abs(wheels).sum() if run.ok else np.nan,
         "joint_torque_variation_late": np.abs(joints).sum() if run.ok else np.nan,
+        "persistence": run.scenario.gains.k2 * STEP * len(run.t) * run.scenario.reference.rate**2,
         "c_hat_max": run.c_hat.max(),
         "constraint_residual_max": np.abs(run.constraint_residual).max(),
         "singularity_margin": (determinants(run) / determinants(run)[0]).min(),

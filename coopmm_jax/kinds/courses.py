@@ -8,12 +8,16 @@ A course is a NamedTuple of numbers with a method ``value``; a plain number stan
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Annotated, Any, NamedTuple, Protocol
+
+import numpy as np
 
 from coopmm_jax.algebra.later import jax, jnp, sincos
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds import fits
 from coopmm_jax.kinds.paths import chebyshev, one_like
 from coopmm_jax.kinds.registry import Group, Method, declare, quantity, register
 from coopmm_jax.kinds.timings import smooth_rise
@@ -89,12 +93,42 @@ class Steps(NamedTuple):
         return total
 
 
-class Series(NamedTuple):
-    """Chebyshev series between two times, held before and after: what a table becomes."""
+@register("course", "table")
+class Table(NamedTuple):
+    """Chebyshev series through a table of values over time, held before its first time and after its last."""
 
     first: Scalar  # [s]
     last: Scalar  # [s]
     coefficients: Vector  # (K,), two at least
+
+    @classmethod
+    def build(
+        cls,
+        times: Annotated[Vector, quantity("of the values, rising [s]")] = (0.0, 10.0, 20.0),
+        values: Annotated[Vector, quantity("of the number [N, m]")] = (15.0, 20.0, 15.0),
+        order: Annotated[int, quantity("degree of the series [-]", at_least=1, at_most=60)] = 12,
+        tolerance: Annotated[float, quantity("largest distance of the series from the spline [N, m]", above=0)] = 0.01,
+    ) -> Table:
+        """Series through a table.
+
+        Args:
+            times: of the values (n,), rising [s].
+            values: of the number (n,).
+            order: degree of the series.
+            tolerance: largest deviation from the spline through the values.
+
+        Raises:
+            UserError: a table that is none, or a fit that deviates too far.
+        """
+        if len(times) != len(values) or len(times) < 2:
+            raise UserError("values", f"two at least, as many as times ({len(times)})", len(values))
+        if any(later <= before for before, later in itertools.pairwise(times)):
+            raise UserError("times", "rising", times)
+        fit = fits.table_fit(np.array(times), np.array(values), order)
+        if fit.deviation > tolerance:
+            must = f"enough for a deviation of {tolerance:g} at most (it is {fit.deviation:.3g})"
+            raise UserError("order", must, order)
+        return cls(times[0], times[-1], tuple(fit.coefficients.tolist()))
 
     def value(self, t: Scalar) -> Scalar:
         """Scalar at time t [s]."""

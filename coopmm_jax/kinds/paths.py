@@ -10,12 +10,12 @@ one's own needs no more than that. It must be smooth to the fourth derivative, a
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple, Protocol
+from typing import Annotated, Any, NamedTuple, Protocol
 
 from coopmm_jax.algebra.later import jax, jnp, sincos
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.registry import Attribute, Group, Method, declare, quantity, register
+from coopmm_jax.kinds.registry import Group, Method, declare, quantity, register
 
 ROUND = (0.0, 2.0 * math.pi)  # phases of a closed path, once round
 OPEN = (-1.0, 1.0)  # phases of an open one, from its first point to its last
@@ -27,10 +27,8 @@ declare(
         (
             Method("point", ("phase",), "world position (x, y) at a phase [m], smooth to the fourth derivative",
                    (0.0, 0.0), ((-0.7,), (0.0,), (0.4,), (1.0,))),
-        ),
-        (
-            Attribute("closed", "whether it repeats itself every 2 pi; an open path goes from phase -1 to 1",
-                      (True, False), True),
+            Method("span", (), "phases from end to end; a path without it repeats itself every 2 pi", (0.0, 0.0),
+                   optional=True),
         ),
     )
 )  # fmt: skip
@@ -44,9 +42,9 @@ class Path(Protocol):
         ...
 
 
-def span(path: Path) -> tuple[float, float]:
+def span(path: Any) -> tuple[float, float]:
     """Phases (2,) of a path from end to end, or once round."""
-    return ROUND if getattr(path, "closed", True) else OPEN
+    return path.span() if hasattr(path, "span") else ROUND
 
 
 X0 = Annotated[Scalar, quantity("centre along the world's x [m]")]
@@ -137,8 +135,6 @@ class Chebyshev(NamedTuple):
     x: Annotated[Vector, quantity("Chebyshev coefficients of x [m]")] = (0.0, 3.0)
     y: Annotated[Vector, quantity("Chebyshev coefficients of y [m]")] = (0.0, 0.0)
 
-    closed = False
-
     def check(self) -> None:
         """Refuse a path that is a point.
 
@@ -152,6 +148,10 @@ class Chebyshev(NamedTuple):
     def point(self, phase: Scalar) -> tuple[Scalar, Scalar]:
         """World position (x, y) at a scalar phase [m]."""
         return chebyshev(self.x, phase), chebyshev(self.y, phase)
+
+    def span(self) -> tuple[float, float]:
+        """Phases (2,) from end to end."""
+        return OPEN
 
 
 def chebyshev(coefficients: Vector, x: Scalar) -> Scalar:

@@ -15,7 +15,7 @@ from coopmm_jax.loop.devices import initial_devices
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.compliant_contact import pressed_in
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
-from coopmm_jax.mechanics.guide import carriage_step, needs_carriage
+from coopmm_jax.mechanics.guide import carriage_step, first_phase, needs_carriage
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import dependent_solution, partition
 from coopmm_jax.mechanics.plant import plant_kinematics
@@ -52,7 +52,7 @@ def initial_state(structure: Structure, model: Model, parameters: Parameters) ->
         moved = per_robot(arm_moved, at[0], dependent_solution(k.reduction, residual))
         return (moved, tuple(s + carriage_step(k.bodies.guide) for s in at[1])), None
 
-    carriage = (zero + model.guide.start,) if needs_carriage(structure.rows, model) else ()
+    carriage = (zero + first_phase(model.guide, zero),) if needs_carriage(structure.rows, model) else ()
     first = (per_robot(chained, parameters.start), carriage)
     (position, carriage), _ = jax.lax.scan(newton, first, None, length=_NEWTON_STEPS)
     k, residuals = solve(position, carriage)

@@ -79,6 +79,11 @@ def needs_carriage(rows: tuple[str, ...], model: Model) -> bool:
     return "guide_radial" in rows and isinstance(model.guide, Rail)
 
 
+def first_phase(rail: Rail, zero: Scalar) -> Scalar:
+    """Phase at which the search for a rail's carriage begins, a scalar; ``zero`` is the time of the start [s]."""
+    return rail.start.phase(zero) if hasattr(rail.start, "phase") else rail.start
+
+
 def _moving_track(rail: MovingRail, t: Scalar) -> Track:
     one = one_like(t)
 

@@ -24,7 +24,7 @@ from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS, WHEELS
 from coopmm_jax.metrics.table import IMPACT, SETTLED
-from coopmm_jax.parameters import Hardware, Parameters, Structure, Surface
+from coopmm_jax.parameters import Hardware, Parameters, Reference, Structure, Surface
 
 # Quantities that are sums over several entries, and how many: a mean is one over all of them.
 ENTRIES = {"torque_squared": ROBOTS * ACTUATORS, "saturated": ROBOTS * ACTUATORS}
@@ -158,12 +158,19 @@ def quantities(
         "torque_change": sum(change),
         "wheel_torque_change": sum(change[: ROBOTS * WHEELS]),
         "joint_torque_change": sum(change[ROBOTS * WHEELS :]),
+        "persistence": parameters.gains.k2 * _yaw_rate(parameters.reference, t, signals) ** 2,
         "c_hat": largest_size(signals.controller.c_hat),
         "constraint_residual": largest_size(
             signals.constraint_residual[len(structure.rows) - len(structure.plant_rows) :]
         ),
         "determinant": functools.reduce(jnp.minimum, ratios),
     }
+
+
+def _yaw_rate(reference: AnyReference, t: Scalar, signals: Signals) -> Scalar:
+    """u_d1 [rad/s]."""
+    now = at_instant(reference, t, signals.aim)
+    return now.rate if isinstance(now, Reference) else now.aim.turn.value
 
 
 def _forces(structure: Structure, signals: Signals) -> dict[str, Scalar]:

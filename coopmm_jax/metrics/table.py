@@ -144,6 +144,13 @@ _TABLE = (
         "variation",
         LATE,
     ),
+    Metric(
+        "persistence",
+        "-",
+        "k2 times the integral of u_d1 squared: of lateral errors exp(-persistence) is left",
+        "persistence",
+        "time",
+    ),
     Metric("c_hat_max", "-", "largest estimate c_hat of an uncertainty bound", "c_hat", "max"),
     Metric("constraint_residual_max", "m", "largest size of a constraint residual phi", "constraint_residual", "max"),
     Metric(

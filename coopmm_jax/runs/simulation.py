@@ -24,6 +24,7 @@ from coopmm_jax.metrics.table import METRICS, check_finite, registered
 from coopmm_jax.parameters import Parameters, Reference, Structure
 from coopmm_jax.runs.trajectory import Trajectory
 from coopmm_jax.scenario import plausible
+from coopmm_jax.scenario.feasible import check_reference
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.status import Status
 
@@ -60,6 +61,7 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     needed = _PER_SAMPLE[settings.precision] * plan.segments
     check_memory(needed, "simulation.record_every", must, settings.record_every)
     plausible.warn_of(scenario)
+    check_reference(scenario)
     with jax.enable_x64(settings.precision == "float64"):
         outcome = _compiled(structure, plan, parameters, step, steps, registered())
         series, measured, health = jax.device_get(outcome)

@@ -17,10 +17,12 @@ from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import (
     Geometry,
     Inertia,
+    MovingRail,
     Parameters,
+    PathReference,
     Plant,
     Pose,
-    Reference,
+    Rail,
     Structure,
     Surface,
 )
@@ -29,12 +31,12 @@ from coopmm_jax.scenario.sections.controller import (
     GainsSection,
     LawSection,
     NominalSection,
-    ReferenceSection,
     full_gains,
 )
 from coopmm_jax.scenario.sections.disturbance import Disturbances, paper_disturbance
 from coopmm_jax.scenario.sections.hardware import HardwareSections
 from coopmm_jax.scenario.sections.plant import CouplingSection, InitialSection, PlantSection
+from coopmm_jax.scenario.sections.reference import ReferenceSection
 from coopmm_jax.scenario.sections.requirements import RequirementsSection
 from coopmm_jax.scenario.sections.schedule import ScheduleSection
 from coopmm_jax.scenario.sections.simulation import SimulationSection
@@ -111,31 +113,43 @@ class BaseScenario(HardwareSections):
             nominal=self._nominal(),
             gains=full_gains(dict(self), len(self.coupling.rows)),
             disturbance=tuple(entry.disturbance() for entry in self.disturbance),
-            reference=self._reference(),
+            reference=self.reference.reference(self._surface()),
             start=_per_robot(Pose, dict(self.initial)),
             hardware=self.hardware(self.simulation.seed, self.simulation.stream),
             schedule=self.schedule.schedule(len(self.coupling.rows)),
         )
 
     def _plant(self) -> Plant:
-        values, coupling = dict(self.plant), self.coupling
+        values = dict(self.plant)
+        geometry, inertia = _per_robot(Geometry, values), _inertias(values)
+        return Plant(geometry, inertia, self._surface(), self.plant.gravity, self._guide())
+
+    def _surface(self) -> Surface:
+        coupling, height = self.coupling, self.reference.height
         shape = coupling.surface.numbers() if coupling.surface else None
-        surface = Surface(coupling.contact_radius, coupling.guide_radius, coupling.guide_height, shape)
-        return Plant(_per_robot(Geometry, values), _inertias(values), surface, self.plant.gravity)
+        over_time = coupling.guide_height if height is None else height.numbers()
+        return Surface(coupling.contact_radius, coupling.guide_radius, over_time, shape)
+
+    def _guide(self) -> Rail | MovingRail | None:
+        reference = self.reference.reference(self._surface())
+        if not isinstance(reference, PathReference):
+            return None
+        return (MovingRail if self.coupling.guide == "moving" else Rail)(reference.path, reference.timing)
 
     def _nominal(self) -> tuple[Inertia, Inertia]:
         plant = {name: _scaled(getattr(self.plant, name), self.nominal.scale) for name in Inertia._fields}
         given = {name: value for name, value in self.nominal if name != "scale" and value is not None}
         return _inertias(plant | given)
 
-    def _reference(self) -> Reference:
-        pairs = {name: _spread(getattr(self.reference, name), 2) for name in ("radius", "arm_centre", "arm_swing")}
-        values: dict[str, Any] = dict(self.reference) | pairs
-        return Reference(**values)
-
     @model_validator(mode="after")
     def _whole_control_periods(self) -> Self:
         self.loop.substeps(self.simulation)
+        return self
+
+    @model_validator(mode="after")
+    def _what_moves_has_a_path(self) -> Self:
+        if self.coupling.guide is not None and self.reference.path is None:
+            raise UserError("coupling.guide", "left out without [reference.path]", self.coupling.guide)
         return self
 
     @model_validator(mode="after")

@@ -26,6 +26,7 @@ from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.runtime import xla_options
 from coopmm_jax.scenario import plausible
+from coopmm_jax.scenario.feasible import check_reference
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import Variation, vary
@@ -100,6 +101,7 @@ def sweep(
     fresh = path is not None and not path.exists() and share == ALONE
     store = _store(contents, path, samples, resume, share)
     plausible.warn_of(scenario)
+    check_reference(scenario)
     with _going_again_if_empty(store, fresh), store.locked(share.rank):
         if share.rank == 0:
             store.grow(samples or store.samples)

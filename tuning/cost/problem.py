@@ -20,6 +20,7 @@ from scipy.stats import qmc
 from coopmm_jax.errors import UserError
 from coopmm_jax.memory import check_memory
 from coopmm_jax.scenario import plausible
+from coopmm_jax.scenario.feasible import check_reference
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import HIGHEST, LOWEST, Variation, vary
@@ -127,6 +128,7 @@ def build_problem(scenario: Scenario | str | Path) -> Problem:
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
     plausible.warn_of(scenario)
+    check_reference(scenario)
     problem = unscaled(scenario)
     return scaled(problem, problem.start)
 

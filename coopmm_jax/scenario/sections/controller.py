@@ -1,4 +1,4 @@
-"""The sections on the controller: the law in force, its gains, what it knows of the plant, what the robots should do.
+"""The sections on the controller: the law in force, its gains, what it knows of the plant.
 
 A field's name is its symbol in ``parameters.py``, which also holds the defaults (section IV of the paper). A gain is a
 line with ``gain`` here, and one of ``parameters.Gains``.
@@ -19,9 +19,9 @@ from pydantic import Field
 from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
 from coopmm_jax.mechanics.robot import JOINTS, ROBOTS
-from coopmm_jax.scenario.fields import AboveMinusOne, Finite, NotNegative, Pair, PerEntry, Positive, Section, quantity
+from coopmm_jax.scenario.fields import AboveMinusOne, NotNegative, Pair, PerEntry, Positive, Section, quantity
 
-_gains, _reference, _structure = parameters.Gains(), parameters.Reference(), parameters.Structure()
+_gains, _structure = parameters.Gains(), parameters.Structure()
 
 VELOCITIES = ROBOTS * JOINTS  # of both robots; each constraint row makes one of them dependent
 ESTIMATES = 5
@@ -169,14 +169,3 @@ class NominalSection(Section):
     I2: Pair[Positive] | None = quantity(None, "moment of inertia of link 2 [kg m^2]")
     I3: Pair[Positive] | None = quantity(None, "moment of inertia of link 3 [kg m^2]")
     m_obj: NotNegative | None = quantity(None, "point mass of the object [kg]")
-
-
-class ReferenceSection(Section):
-    """[reference]: desired motion and contact force."""
-
-    rate: Finite = quantity(_reference.rate, "yaw rate u_d1 of both platforms [rad/s]")
-    radius: Pair[Finite] = quantity(_reference.radius, "radius z_d2 of the platform's circle [m]")
-    arm_centre: Pair[Finite] = quantity(_reference.arm_centre, "a1_d = arm_centre - arm_swing cos(arm_rate t) [rad]")
-    arm_swing: Pair[Finite] = quantity(_reference.arm_swing, "amplitude of a1_d [rad]")
-    arm_rate: Finite = quantity(_reference.arm_rate, "angular frequency of a1_d [rad/s]")
-    contact_force: Finite = quantity(_reference.contact_force, "desired normal contact force, pressing if positive [N]")

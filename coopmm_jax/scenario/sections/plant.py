@@ -8,7 +8,7 @@ A field's name is its symbol in ``parameters.py``, which also holds the defaults
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, SerializeAsAny, field_validator
 
@@ -59,7 +59,12 @@ class CouplingSection(Section):
         _surface.contact_radius, "radius of the object's concave arc, Rc, where there is no other surface [m]"
     )
     surface: AnySurface | None = quantity(None, "the object's surface, in the place of the arc")
-    guide_radius: Positive = quantity(_surface.guide_radius, "radius of the circle that guides the object [m]")
+    guide: Literal["rail", "moving"] | None = quantity(
+        None, "along [reference.path]: rail to run on (default) or moving"
+    )
+    guide_radius: Positive = quantity(
+        _surface.guide_radius, "radius of the circle that guides the object, without a path [m]"
+    )
     guide_height: Finite = quantity(_surface.guide_height, "height at which the object is guided [m]")
 
     @field_validator("rows", mode="before")

@@ -1,0 +1,139 @@
+"""Paths through given points, from a scenario file or a CSV file: a series is fitted to them when they are loaded."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from coopmm_jax.algebra.types import PyTree, Scalar, Vector
+from coopmm_jax.errors import UserError
+from coopmm_jax.files import resolve_path
+from coopmm_jax.kinds import fits
+from coopmm_jax.kinds.paths import Chebyshev, Fourier, span
+from coopmm_jax.kinds.registry import quantity, register
+
+_FEWEST = 4  # points
+_LEAST = 1e-9  # [m] from one point to the next
+
+Closed = Annotated[bool, quantity("whether it goes on from its last point to its first")]
+Order = Annotated[int, quantity("harmonics of a closed path, degree of an open one [-]", at_least=1, at_most=40)]
+Tolerance = Annotated[float, quantity("largest distance of the series from the spline through the points [m]", above=0)]
+
+
+@register("path", "waypoints")
+class Waypoints(NamedTuple):
+    """Path through points (x, y), closed or open."""
+
+    curve: PyTree  # ``Fourier`` or ``Chebyshev``
+    deviation: Scalar  # of the curve from the spline through the points [m]
+
+    @classmethod
+    def build(
+        cls,
+        x: Annotated[Vector, quantity("of the points [m]")],
+        y: Annotated[Vector, quantity("of the points [m]")],
+        closed: Closed = True,
+        order: Order = 9,
+        tolerance: Tolerance = 0.01,
+    ) -> Waypoints:
+        """Path through points.
+
+        Args:
+            x: of the points (n,) [m].
+            y: of the points (n,) [m].
+            closed: whether it goes on from its last point to its first.
+            order: harmonics of a closed path, degree of an open one.
+            tolerance: largest deviation [m].
+
+        Raises:
+            UserError: points that make no path, or a fit that deviates too far.
+        """
+        if len(x) != len(y):
+            raise UserError("y", f"as many numbers as x ({len(x)})", len(y))
+        return cls(*_fitted(np.array([x, y]).T, closed, order, tolerance, "x"))
+
+    def point(self, phase: Scalar) -> tuple[Scalar, Scalar]:
+        """World position (x, y) at a scalar phase [m]."""
+        return self.curve.point(phase)
+
+    def span(self) -> tuple[float, float]:
+        """Phases (2,) from end to end."""
+        return span(self.curve)
+
+
+@register("path", "csv")
+class Csv(NamedTuple):
+    """Path through the points of a CSV file: x and y [m] in its first two columns, below a header if it has one."""
+
+    curve: PyTree  # ``Fourier`` or ``Chebyshev``
+    deviation: Scalar  # of the curve from the spline through the points [m]
+
+    @classmethod
+    def build(
+        cls,
+        file: Annotated[str, quantity("its name, from the working directory")],
+        closed: Closed = True,
+        order: Order = 9,
+        tolerance: Tolerance = 0.01,
+    ) -> Csv:
+        """Path through the points of a file.
+
+        Args:
+            file: its name.
+            closed: whether it goes on from its last point to its first.
+            order: harmonics of a closed path, degree of an open one.
+            tolerance: largest deviation [m].
+
+        Raises:
+            UserError: a file that cannot be read, points that make no path, or a fit that deviates too far.
+        """
+        return cls(*_fitted(_read(file), closed, order, tolerance, "file"))
+
+    def point(self, phase: Scalar) -> tuple[Scalar, Scalar]:
+        """World position (x, y) at a scalar phase [m]."""
+        return self.curve.point(phase)
+
+    def span(self) -> tuple[float, float]:
+        """Phases (2,) from end to end."""
+        return span(self.curve)
+
+
+def _read(file: str) -> np.ndarray:
+    must = "a CSV file with two columns of numbers"
+    try:
+        lines = resolve_path(file, "file").read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError("file", must, f"{file} ({error})") from None
+    rows = [line.replace(";", ",").split(",")[:2] for line in lines if line.strip()]
+    try:
+        float(rows[0][0])
+    except (ValueError, IndexError):
+        rows = rows[1:]
+    try:
+        return np.array([[float(x), float(y)] for x, y in rows]).reshape(-1, 2)
+    except ValueError as error:
+        raise UserError("file", must, f"{file} ({error})") from None
+
+
+def _fitted(
+    points: np.ndarray, closed: bool, order: int, tolerance: float, field: str
+) -> tuple[Fourier | Chebyshev, float]:
+    """Curve through points (n, 2), and its deviation [m]."""
+    if len(points) < _FEWEST or not np.isfinite(points).all():
+        raise UserError(field, f"{_FEWEST} points at least, all finite", f"{len(points)} points")
+    around = np.concatenate([points, points[:1]]) if closed else points
+    if np.linalg.norm(np.diff(around, axis=0), axis=1).min() < _LEAST:
+        raise UserError(
+            field, "points apart from one another, the first of a closed path given once", "two in one place"
+        )
+    fit = fits.closed_fit(points, order) if closed else fits.open_fit(points, order)
+    if fit.deviation > tolerance:
+        must = f"enough for a deviation of {tolerance:g} m at most (it is {fit.deviation:.3g} m)"
+        raise UserError("order", must, order)
+    if not closed:
+        x, y = (tuple(row) for row in fit.coefficients.tolist())
+        return Chebyshev(x, y), fit.deviation
+    (x, y), (x0, y0) = fit.coefficients[:, 1:], fit.coefficients[:, 0].real
+    xc, xs, yc, ys = (tuple(values.tolist()) for values in (x.real, -x.imag, y.real, -y.imag))
+    return Fourier(float(x0), float(y0), xc, xs, yc, ys), fit.deviation

@@ -1,0 +1,134 @@
+"""References that the robots cannot follow, refused before a run; and those that teach the law too little, warned of.
+
+>>> from coopmm_jax.scenario.scenario import load_scenario
+>>> check_reference(load_scenario("paper"))
+"""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from coopmm_jax.errors import Notice, UserError
+from coopmm_jax.parameters import Parameters, PathReference
+from coopmm_jax.status import SPEED_LIMIT
+
+if TYPE_CHECKING:
+    from coopmm_jax.scenario.scenario import Scenario
+
+SAMPLES = 1000  # of a run
+SLOWEST = 1e-6  # |dr/dp| of a path [m]
+FLATTEST = 0.2  # |n . e1|, cosine between arm I and the normal of the object's surface
+PERSISTENT = 5.0  # exp(-5) of a lateral error is left after a run
+LONG = 5.0  # [s] of a run in which errors are meant to settle
+
+
+class Course(NamedTuple):
+    """A reference at the samples of a run (SAMPLES,)."""
+
+    t: np.ndarray  # [s]
+    phase: np.ndarray
+    stretch: np.ndarray  # |dr/dp| [m]
+    turn: np.ndarray  # u_d1 [rad/s]
+    speed: np.ndarray  # of the faster platform [m/s]
+    reach: np.ndarray  # of arm I [m]
+    incidence: np.ndarray  # n . e1
+    height: np.ndarray  # of the object [m]
+
+
+def check_reference(scenario: Scenario) -> None:
+    """Refuse a path that the robots cannot follow, and warn of one along which lateral errors stay.
+
+    Raises:
+        UserError: a path that stands still in its parameter or is left at an end, a contact point out of reach or
+            behind the surface's edge, or speeds beyond [rad/s, m/s] of ``status.SPEED_LIMIT``.
+
+    Warns:
+        Notice: of too little turning.
+    """
+    parameters = scenario.parameters()
+    if not isinstance(parameters.reference, PathReference):
+        return
+    course = _course(parameters, scenario.simulation.duration)
+    _check_path(parameters.reference, course)
+    _check_arms(parameters, course)
+    fastest = max(np.abs(course.turn).max(), course.speed.max())
+    if not fastest < SPEED_LIMIT:
+        raise UserError("reference.timing", f"slow enough for {SPEED_LIMIT:g} rad/s and m/s", f"up to {fastest:.3g}")
+    duration = scenario.simulation.duration
+    persistence = float(parameters.gains.k2) * float(np.mean(course.turn**2)) * duration
+    if persistence < PERSISTENT and duration >= LONG:
+        text = f"reference: turns too little (persistence {persistence:.2g}, at least {PERSISTENT:g}) to remove"
+        warnings.warn(Notice(f"{text} lateral errors within the run"), stacklevel=3)
+
+
+def _course(parameters: Parameters, duration: float) -> Course:
+    import jax
+
+    with jax.enable_x64(True):
+        t = np.linspace(0.0, duration, SAMPLES)
+        values = jax.jit(jax.vmap(functools.partial(_sample, parameters)))(t)
+        return Course(t, *(np.broadcast_to(np.asarray(x), t.shape) for x in values))
+
+
+def _sample(parameters: Parameters, t: Any) -> tuple[Any, ...]:
+    """Entries of ``Course`` but the time, at t [s]."""
+    import jax
+    import jax.numpy as jnp
+
+    from coopmm_jax.control.path_motion import aim_at
+    from coopmm_jax.kinds.courses import current
+    from coopmm_jax.kinds.paths import frame
+    from coopmm_jax.mechanics.surfaces import shape_of
+
+    reference, shape = parameters.reference, shape_of(parameters.plant.surface)
+    assert isinstance(reference, PathReference)
+    aim, phase = aim_at(reference, t), reference.timing.phase(t)
+    at = (shape.along(aim.contact), aim.contact)
+    slope = jax.grad(lambda point: shape.level(*point))(at)
+    along = (at[0] + reference.offset[0]) * slope[0] + at[1] * slope[1]
+    incidence = along / (aim.reach.value * jnp.hypot(*slope))
+    speeds = [jnp.abs(aim.advance + aim.turn.value * (aim.across + offset)) for offset in reference.offset]
+    height = current(parameters.plant.surface.guide_height, t)
+    fastest = functools.reduce(jnp.maximum, speeds)
+    stretch = frame(reference.path, phase).stretch
+    return phase, stretch, aim.turn.value, fastest, aim.reach.value, incidence, height
+
+
+def _check_path(reference: PathReference, course: Course) -> None:
+    from coopmm_jax.kinds.paths import OPEN, span
+
+    slowest = course.stretch.argmin()
+    if not course.stretch[slowest] > SLOWEST:
+        must = f"a path that moves on by more than {SLOWEST:g} m per unit of its phase"
+        was = f"{course.stretch[slowest]:.3g} m at {course.t[slowest]:.3g} s"
+        raise UserError("reference.path", must, was)
+    first, last = course.phase.min(), course.phase.max()
+    if span(reference.path) == OPEN and not (first > OPEN[0] - SLOWEST and last < OPEN[1] + SLOWEST):
+        raise UserError("reference.timing", "within the open path's phases, -1 to 1", f"{first:.3g} to {last:.3g}")
+
+
+def _check_arms(parameters: Parameters, course: Course) -> None:
+    reference = parameters.reference
+    assert isinstance(reference, PathReference)
+    across = course.incidence
+    worst = np.abs(across).argmin()
+    if not np.isfinite(across).all():
+        t = course.t[~np.isfinite(across)][0]
+        raise UserError("reference.contact", "on the object's surface", f"beyond its edge at {t:.3g} s")
+    for number, reach in zip(
+        ("I", "II"), (course.reach, abs(float(reference.offset[1])) + 0.0 * course.t), strict=True
+    ):
+        geometry = parameters.plant.geometry[number == "II"]
+        lower, upper = 2.0 * float(geometry.l2), 2.0 * float(geometry.l3)
+        distance = np.hypot(reach, course.height - 2.0 * float(geometry.l1))
+        beyond = (distance <= abs(lower - upper)) | (distance >= lower + upper)
+        if beyond.any():
+            must = f"within the reach of arm {number}, {abs(lower - upper):g} to {lower + upper:g} m"
+            raise UserError("reference", must, f"{distance[beyond][0]:.3g} m at {course.t[beyond][0]:.3g} s")
+    if not abs(across[worst]) >= FLATTEST:
+        must = f"where arm I meets the surface at a cosine of {FLATTEST:g} or more with its normal"
+        raise UserError("reference.contact", must, f"{abs(across[worst]):.2g} at {course.t[worst]:.3g} s")

@@ -1,0 +1,169 @@
+"""The section [reference] along paths: scenarios, what is refused, fits of waypoints, CSV files and tables."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import coopmm_jax as cm
+from coopmm_jax.errors import Notice
+from coopmm_jax.kinds.courses import Steps, Table
+from coopmm_jax.kinds.paths import Chebyshev, Eight, Ellipse, Fourier, bent_frame
+from coopmm_jax.kinds.waypoints import Csv, Waypoints
+from coopmm_jax.parameters import PathReference, Rail
+from coopmm_jax.scenario.feasible import check_reference
+from tests.beside_a_path import EIGHT, ELLIPSE, ellipse
+
+ALONG = {
+    "path": {"kind": "ellipse"},
+    "timing": {"kind": "rate", "sway": 0.3},
+    "force": {"kind": "sine", "mean": 15.0, "amplitude": 5.0},
+    "contact": {"kind": "swing"},
+}
+START = {"x": [2.5, 1.1], "y": 0.0, "th": 0.0, "a1": [1.097198, 1.570796]}
+START |= {"a2": [-0.795399, 2.346194], "a3": 1.590798}
+ANGLE = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+
+
+def scenario(**overrides):
+    return cm.load_scenario(
+        "paper_full", **{"reference": ALONG, "initial": START, "law": {"delta_floor": 0.1}} | overrides
+    )
+
+
+def test_scenario_becomes_the_reference():
+    made, expected = scenario().parameters(), ellipse()
+    reference = made.reference
+    assert isinstance(reference, PathReference)
+    assert reference.path == Ellipse()
+    assert reference[1:] == expected.reference[1:]
+    assert made.plant.guide == Rail(reference.path, reference.timing)
+    assert made.start == expected.start
+
+
+def test_scenario_survives_its_file(tmp_path):
+    first = scenario(uncertainty={"reference.path.half_length": {"distribution": "uniform", "low": 1.6, "high": 1.8}})
+    file = tmp_path / "own.toml"
+    file.write_text(first.to_toml(), encoding="utf-8")
+    assert cm.load_scenario(file) == first
+
+
+def test_simulated_ellipse():
+    """The study's figures, from a scenario; desired force and headings are recorded over time."""
+    run = cm.simulate(scenario(simulation={"duration": 1.0}))
+    assert run.q[-1, 0, 2:] == pytest.approx([0.907935, 1.297555, -0.778111, 1.556222], abs=2e-6)
+    assert run.carriage.shape == (1001, 1)
+    np.testing.assert_allclose(run.constraint_force_desired[:, 0], 15.0 + 5.0 * np.sin(run.t), rtol=1e-14)
+    assert np.abs(run.zeta[..., 0] - run.zeta_desired[..., 0]).max() < 0.2
+    assert run.to_xarray().carriage.dims == ("t", "rail")
+    slow = 1.0 - 0.5 * (1.0 - np.exp(-2.0))
+    object_error = np.linalg.norm(run.tip[-1, 1, :2] - Ellipse().point(slow + 0.3 * np.sin(slow)))
+    assert run.metrics["object_final"] == pytest.approx(object_error, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"reference.path.kind": "elipse"}, r"reference.path.kind: must be one of .* \(did you mean ellipse\?\)"),
+        ({"reference.path.half_width": 0.0}, "reference.path.half_width: must be greater than 0, was 0"),
+        ({"reference.path": "none"}, "reference.timing: must be left out without"),
+        ({"reference.path": {"kind": "fourier", "xc": [1.0, 0.1]}}, "xc, xs, yc, ys: must be as many"),
+        ({"reference.force": {"kind": "steps", "times": [1.0], "levels": [1.0]}}, "levels: must be 2 of them"),
+        ({"reference.path": {"kind": "waypoints", "x": [0, 1, 1], "y": [0, 0, 1]}}, "x: must be 4 points at least"),
+        ({"reference.path": {"kind": "csv", "file": "/nowhere.csv"}}, "file: must be a CSV file"),
+    ],
+)
+def test_sections_that_are_refused(changes, message):
+    with pytest.raises(cm.UserError, match=message):
+        scenario().with_overrides(changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"reference.offset": [1.1, -0.7]},
+            r"reference: must be within the reach of arm I, 0 to 1 m, was 1\.07 m",
+        ),
+        ({"reference.offset": [0.7, -1.2]}, "within the reach of arm II"),
+        (
+            {"reference.contact": {"kind": "sine", "amplitude": 0.75}},
+            "reference.contact: must be on the object's surface",
+        ),
+        ({"reference.height": {"kind": "sine", "mean": 1.0, "amplitude": 0.8}}, "within the reach of arm I"),
+        ({"reference.path": {"kind": "open", "x": [0.0, 0.0, 1.0], "y": [0.0, 0.0]}}, "a path that moves on"),
+        ({"reference.path": {"kind": "open", "x": [0.0, 3.0], "y": [0.0, 0.0]}}, "within the open path's phases"),
+        ({"reference.timing": {"kind": "rate", "rate": 1e4}}, "slow enough for"),
+    ],
+)
+def test_references_that_cannot_be_followed(changes, message):
+    with pytest.raises(cm.UserError, match=message):
+        check_reference(scenario().with_overrides(changes))
+
+
+def test_arm_along_the_surface_is_refused():
+    steep = {
+        "reference.contact": {"kind": "sine", "mean": 0.3},
+        "reference.offset": [0.4, -0.7],
+        "coupling.surface": {"kind": "conic", "curvature_n": -8.0},
+    }
+    with pytest.raises(cm.UserError, match="where arm I meets the surface"):
+        check_reference(scenario().with_overrides(steep))
+
+
+def test_a_straight_path_teaches_too_little():
+    line = {"path": {"kind": "open", "x": [0.0, 5.0], "y": [0.0, 0.0]}}
+    with pytest.warns(Notice, match="turns too little"):
+        check_reference(scenario(reference=line))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_reference(scenario())
+
+
+def test_paths_in_closed_form():
+    """Ellipse and figure of eight are the Fourier paths of the study; curvature of an ellipse at its ends."""
+    for phase in (0.0, 0.7, -2.0):
+        np.testing.assert_allclose(Ellipse().point(phase), ELLIPSE.point(phase), rtol=0, atol=1e-15)
+        np.testing.assert_allclose(Eight().point(phase), EIGHT.point(phase), rtol=0, atol=1e-15)
+    for phase, curvature in ((0.0, 1.7 / 1.2**2), (np.pi / 2, 1.2 / 1.7**2)):
+        assert float(bent_frame(Ellipse(), phase)[1]) == pytest.approx(curvature, rel=1e-13)
+    p = 0.3
+    x = 0.1 + 0.2 * p + 0.3 * (2 * p**2 - 1) + 0.4 * (4 * p**3 - 3 * p)
+    assert float(Chebyshev((0.1, 0.2, 0.3, 0.4), (0.0, 1.0)).point(p)[0]) == pytest.approx(x, rel=1e-14)
+
+
+def test_waypoints_on_a_circle_are_fitted_to_it():
+    fitted = Waypoints.build(tuple(2.0 * np.cos(ANGLE)), tuple(1.0 + 2.0 * np.sin(ANGLE)), order=3)
+    assert isinstance(fitted.curve, Fourier)
+    assert fitted.deviation < 1e-3
+    for phase in (0.1, 2.0, 5.0):
+        assert np.hypot(fitted.point(phase)[0], fitted.point(phase)[1] - 1.0) == pytest.approx(2.0, abs=1e-3)
+
+
+def test_more_harmonics_fit_better_until_the_tolerance_holds():
+    radius = 2.0 + 0.5 * np.cos(3.0 * ANGLE)
+    points = tuple(radius * np.cos(ANGLE)), tuple(radius * np.sin(ANGLE))
+    found = [Waypoints.build(*points, order=order, tolerance=1.0).deviation for order in (3, 5, 7, 9)]
+    assert found == sorted(found, reverse=True)
+    assert found[-1] < 1e-3
+    with pytest.raises(cm.UserError, match=r"order: must be enough for a deviation of 0.01 m at most"):
+        Waypoints.build(*points, order=5)
+
+
+def test_open_waypoints_from_a_file(tmp_path):
+    file = tmp_path / "points.csv"
+    x = np.linspace(0.0, 8.0, 9)
+    file.write_text("x,y\n" + "".join(f"{a},{0.5 * np.sin(a)}\n" for a in x), encoding="utf-8")
+    fitted = Csv.build(str(file), closed=False, order=16)
+    assert fitted.span() == (-1.0, 1.0)
+    np.testing.assert_allclose(fitted.point(-1.0), (0.0, 0.0), atol=0.01)
+    np.testing.assert_allclose(fitted.point(1.0), (8.0, 0.5 * np.sin(8.0)), atol=0.01)
+
+
+def test_courses_in_closed_form():
+    steps = Steps((1.0, 2.0), (0.0, 4.0, 2.0), 0.5)
+    assert [float(steps.value(t)) for t in (0.0, 1.25, 1.6, 3.0)] == [0.0, 2.0, 4.0, 2.0]
+    table = Table.build((0.0, 5.0, 10.0, 20.0), (15.0, 20.0, 10.0, 15.0), order=20)
+    assert [float(table.value(t)) for t in (-1.0, 0.0, 5.0, 20.0, 30.0)] == pytest.approx(
+        [15, 15, 20, 15, 15], abs=1e-9
+    )
