@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,9 @@ ROBOTS = 16  # of the fixed set
 FIXED = 1_000_000  # number of the first seed's fixed set, which no search draws
 BATCH = 8  # trials of Optuna at a time
 SPREAD = 0.5  # first standard deviation of CMA-ES: a factor of 1.6 on a gain
-PACE = 4.5e6  # simulated steps in a second: how far our search, which counts steps, plans to come
+# Our search counts steps, so it has to know how far it will come: a step of the second half takes twice as long as one
+# of screening, which is in float32 too.
+HALVES = 1.5
 
 
 class Spent(Exception):
@@ -81,7 +84,8 @@ class Meter:
         """The Sobol points, the best first, each (n,)."""
         settings = self.problem.scenario.tuning
         points = self.problem.space.starts(settings.starts, self.seed)
-        costs = self.problem.costs(points, self.problem.drawn(settings.screening_samples, SCREENING))
+        robots = self.problem.drawn(settings.screening_samples, SCREENING)
+        costs = self.problem.costs(points, robots, settings.coarse)
         self.note(points[np.argmin(costs)])
         return points[np.argsort(costs, kind="stable")]
 
@@ -96,19 +100,21 @@ class Meter:
 Tuner = Callable[[Meter], None]
 
 
-def coopmm(meter: Meter) -> None:
-    """``coopmm tune`` with its defaults."""
-    scenario = meter.problem.scenario
-    budget = {"tuning.budget": PACE * meter.seconds / 1e6, "simulation.seed": meter.seed}
-    problem = replace(meter.problem, scenario=scenario.with_overrides(budget))
+def coopmm(meter: Meter, optimiser: str = "auto") -> None:
+    """``coopmm tune`` with its defaults, or another optimiser."""
+    settings = {"simulation.seed": meter.seed, "tuning.optimiser": optimiser}
+    problem = replace(meter.problem, scenario=meter.problem.scenario.with_overrides(settings))
     run = Driver(None, problem, None, lambda name: None).begin()
     meter.note(run.vectors[0])
+    budget = run.trials.spent / meter.taken * meter.seconds / HALVES
+    problem = replace(problem, scenario=problem.scenario.with_overrides({"tuning.budget": budget / 1e6}))
+    run.trials.problem = problem
 
     def told(row: Row) -> None:
         if not np.array_equal(run.vectors[0], meter.trail[-1].vector):
             meter.note(run.vectors[0])
 
-    chosen = plan(problem.scenario.tuning, meter.seed)
+    chosen = plan(problem.scenario.tuning, meter.seed, problem.space.size, problem.space.knots)
     Driver(None, problem, told, lambda name: None).search(run, chosen, meter.seconds - meter.taken)
 
 
@@ -170,6 +176,8 @@ def _lbfgs(meter: Meter, start: np.ndarray) -> None:
 
 TUNERS: dict[str, Tuner] = {
     "coopmm": coopmm,
+    "coopmm_cma": partial(coopmm, optimiser="cma"),
+    "coopmm_lbfgs": partial(coopmm, optimiser="lbfgs"),
     "cma_es": cma_es,
     "nelder_mead": _local(_nelder_mead),
     "powell": _local(_powell),

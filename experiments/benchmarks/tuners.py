@@ -4,8 +4,9 @@
 
 Judged is what ``coopmm tune sensed`` reports: the mean cost over 128 untouched robots and the whole 20 s, against wall
 time; compilation is listed apart. Run it on a quiet machine. Writes tuners.csv, row by row as runs end, and tuners.png.
-Needs the extra ``bench``. All of it takes an hour and a half; ``--tuners``, ``--problems``, ``--seeds`` and
-``--seconds`` choose.
+Needs the extra ``bench``. All of it takes three hours on two cores; ``--tuners``, ``--problems``, ``--seeds`` and
+``--seconds`` choose. A machine with more cores takes several runs at a time, each pinned to two of them (``taskset``)
+and with a folder of its own; ``--read`` makes one table of all their rows.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 import jax
 import numpy as np
@@ -31,8 +32,12 @@ from experiments.benchmarks.tuner_methods import TUNERS, Meter, Spent
 from tuning.cost.problem import TEST, Problem, build_problem
 
 # problem -> (what it is, settings of [tuning])
-PROBLEMS = {"shared": ("4 shared gains", {"channels": "shared"}), "separate": ("19 gains", {})}
-SEEDS, SECONDS = 5, 60.0
+PROBLEMS: dict[str, tuple[str, dict[str, Any]]] = {
+    "shared": ("4 shared gains", {"channels": "shared"}),
+    "separate": ("19 gains", {}),
+    "knots": ("19 gains at 8 knots", {"schedule": 8}),
+}
+SECONDS = 60.0
 DURATION = 20.0  # [s]
 JUDGED = 8  # improvements of one run whose cost on untouched robots is found, spread over time geometrically
 COSTS = (0.4, 8.0)  # drawn
@@ -55,9 +60,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks"), help="folder for the results")
     parser.add_argument("--problems", nargs="+", choices=PROBLEMS, default=list(PROBLEMS))
     parser.add_argument("--tuners", nargs="+", choices=TUNERS, default=list(TUNERS))
-    parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3, 4, 5])
     parser.add_argument("--seconds", type=float, default=SECONDS, help="wall time of one run")
+    parser.add_argument("--read", nargs="+", type=Path, default=[], help="tables of earlier runs: nothing is run")
     options = parser.parse_args(argv)
+    if options.read:
+        return _show(read(options.read), options.out)
     runtime.use_fast_compilation(batches=not runtime.backend_is_up())
     jax.config.update("jax_enable_x64", True)
     options.out.mkdir(parents=True, exist_ok=True)
@@ -65,29 +73,44 @@ def main(argv: Sequence[str] | None = None) -> int:
     with (options.out / "tuners.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(Judgement._fields)
-        for row in measure(options.problems, options.tuners, range(options.seeds), options.seconds):
+        for row in measure(options.problems, options.tuners, options.seeds, options.seconds):
             rows.append(row)
             writer.writerow(row)
             file.flush()
+    return _show(rows, options.out)
+
+
+def read(tables: Sequence[Path]) -> list[Judgement]:
+    """The rows of tables that runs have written."""
+    lines = [line for path in tables for line in csv.DictReader(path.read_text(encoding="utf-8").splitlines())]
+    kinds = get_type_hints(Judgement)
+    return [Judgement(*(kinds[name](line[name]) for name in Judgement._fields)) for line in lines]
+
+
+def _show(rows: Sequence[Judgement], out: Path) -> int:
     print(table(rows))
-    save(curves(rows), options.out / "tuners.png")
+    out.mkdir(parents=True, exist_ok=True)
+    save(curves(rows), out / "tuners.png")
     return 0
 
 
-def measure(problems: Iterable[str], tuners: Sequence[str], seeds: range, seconds: float) -> Iterable[Judgement]:
+def measure(
+    problems: Iterable[str], tuners: Sequence[str], seeds: Iterable[int], seconds: float
+) -> Iterable[Judgement]:
     """All runs, one improvement after the other; ``seconds`` [s] for each."""
     for name in problems:
         settings = PROBLEMS[name][1] | {"tracking_from": min(1.5, DURATION / 2)}
         began = time.monotonic()
         problem = build_problem(load_scenario("sensed", simulation={"duration": DURATION}, tuning=settings))
+        problem.costs(problem.start, problem.drawn(1, 0), problem.scenario.tuning.coarse)
         values = time.monotonic() - began
-        slopes = _compiled_slopes(problem) if "lbfgs_exact" in tuners else 0.0
+        slopes = _compiled_slopes(problem) if any("lbfgs" in tuner for tuner in tuners) else 0.0
         for seed in seeds:
             for tuner in tuners:
                 meter = Meter(problem, seconds, seed)
                 with contextlib.suppress(Spent):
                     TUNERS[tuner](meter)
-                compiling = values + (slopes if tuner == "lbfgs_exact" else 0.0)
+                compiling = values + (slopes if "lbfgs" in tuner else 0.0)
                 yield from _judged(meter, name, tuner, compiling)
 
 
@@ -117,7 +140,7 @@ def table(rows: Sequence[Judgement]) -> str:
     lines = [f"{head}   [s] to the best other's median, by seed"]
     for problem in dict.fromkeys(row.problem for row in rows):
         finals = _finals(rows, problem)
-        others = [float(np.median(values)) for tuner, values in finals.items() if tuner != "coopmm"]
+        others = [float(np.median(values)) for tuner, values in finals.items() if not tuner.startswith("coopmm")]
         goal = min(others, default=np.inf)
         for tuner, values in finals.items():
             own = [row for row in rows if (row.problem, row.tuner) == (problem, tuner)]
