@@ -24,9 +24,7 @@ from tuning.cost.risk import risk
 from tuning.cost.robust_cost import RobustCost
 from tuning.cost.trials import DrawnTrials
 from tuning.reports import tune as report
-from tuning.search import method, stages
-from tuning.search.method import Candidate
-from tuning.studies import chatter, margins, state
+from tuning.studies import state
 
 
 @pytest.fixture
@@ -117,41 +115,6 @@ def test_the_folder_holds_the_scenario_that_a_resume_takes(rollouts, tmp_path):
     same(whole, resumed)
 
 
-def test_a_scan_finds_the_gain_that_is_far_off():
-    class Far:
-        low, high = np.full(5, -3.0), np.full(5, 3.0)
-
-        def values(self, vectors, count, draw, precision="float64"):
-            return np.sum((vectors - [0.0, 0.0, 2.9, 0.0, 0.0]) ** 2, axis=1)
-
-    scan = stages.Scan(seed=1)
-    place = stages.Place(np.zeros(5), 0, 0, 7, scan.begin(np.zeros(5)))
-    for _ in range(5):
-        assert not scan.ended(place, 0)
-        place = scan.advance(place, Far()).place
-    assert scan.ended(place, 0)
-    np.testing.assert_array_equal(place.vector, [0.0, 0.0, 3.0, 0.0, 0.0])
-    assert place.draw == 7  # all gains on the same samples
-
-
-def test_generations_stay_between_the_bounds_and_come_to_the_best_point(rollouts):
-    class Corner:
-        low, high, seen = np.full(3, -1.0), np.full(3, 1.0), []
-
-        def values(self, vectors, count, draw, precision="float64"):
-            self.seen.append(vectors)
-            return 1.0 + np.sum((vectors - [2.0, 0.3, -0.5]) ** 2, axis=1)
-
-    trials, stage = Corner(), stages.Generations(0, 4, 16, 0.3, 1.0)
-    place = stages.Place(np.zeros(3), 1, 0, 0, stage.begin(np.zeros(3)))
-    while not stage.ended(place, 0):
-        place = stage.advance(place, trials).place
-    seen = np.concatenate(trials.seen)
-    assert np.all((seen >= trials.low) & (seen <= trials.high))
-    np.testing.assert_allclose(np.clip(stage.offer(place)[0], -1, 1), [1.0, 0.3, -0.5], atol=0.01)
-    assert len(trials.seen) < 150
-
-
 def test_sobol_sets_differ_from_draw_to_draw_and_are_the_same_for_all(rollouts):
     problem = problem_module.build_problem(scenario())
     first, again, other = (problem.drawn(8, draw).rows for draw in (3, 3, 4))
@@ -184,133 +147,9 @@ def test_the_search_ends_where_nothing_improves(rollouts):
     assert result.history[-1].steps < 1e9
 
 
-def test_of_near_equal_gains_the_sturdier_is_kept(rollouts):
-    """The cost of the stand-in is smooth; next to a wall its neighbours fail."""
-    problem = problem_module.build_problem(scenario())
-    rollouts.lost = lambda vector: vector[0] > -0.1
-    near = np.zeros((2, problem.space.size))
-    near[:, 0] = [-0.2, -1.0]
-    kept = margins.sturdiest(problem, near, np.array([1.0, 1.005]))
-    np.testing.assert_array_equal(kept, near[1])
-    np.testing.assert_array_equal(margins.sturdiest(problem, near, np.array([1.0, 1.02])), near[0])
-
-
-def test_margins_end_where_the_cost_rises_or_a_robot_fails(rollouts):
-    problem = problem_module.build_problem(scenario())
-    rollouts.lost = lambda vector: vector[0] > 0.5 + np.log(1.3)
-    vector = np.full(problem.space.size, 0.5)
-    found = margins.margins(problem, vector)
-    assert [margin.name for margin in found] == problem.names
-    assert found[0].above == "fails"
-    assert found[0].high == pytest.approx(np.exp(0.5) * 1.2, rel=1e-6)
-    limit = 1.1 * problem.cost.values(vector[None], problem.drawn(margins.SAMPLES, problem_module.CHOICE))[0]
-    checked = 0
-    for i, margin in enumerate(found):
-        for value, beyond in ((margin.low, margin.below), (margin.high, margin.above)):
-            moved = vector.copy()
-            moved[i] = np.log(value + (margin.name.startswith("K_lambda")))
-            samples = problem.drawn(margins.SAMPLES, problem_module.CHOICE)
-            assert problem.cost.values(moved[None], samples)[0] <= limit * (1 + 1e-6)
-            checked += beyond == "cost"
-    assert checked > 0
-
-
-@pytest.mark.parametrize(("ripple", "chattering"), [(0.0, False), (1e-3, True)])
-def test_ripples_on_the_cost_are_told_from_its_slope(rollouts, monkeypatch, ripple, chattering):
-    """Ripples of a thousandth, 0.006 from crest to crest: no larger step sees them."""
-    smooth = batches.evaluate
-
-    def evaluate(objective, vectors, samples, precision="float64"):
-        found = smooth(objective, vectors, samples)
-        waves = ripple * np.sin(1e3 * np.asarray(vectors)).sum(axis=1)
-        return found._replace(terms=found.terms * (1.0 + waves)[:, None, None])
-
-    monkeypatch.setattr(batches, "evaluate", evaluate)
-    result = tuning.report(tuning.build_problem(scenario()), np.full(19, 0.35))
-    assert result.slopes.chattering == chattering
-    assert ("the gains chatter" in report.table(result)) == chattering
-
-
-def test_slopes_over_both_lengths_agree_with_the_exact_one(rollouts):
-    problem = tuning.build_problem(scenario())
-    vector = np.full(problem.space.size, 0.35)
-    with jax.enable_x64(True):
-        found = chatter.slopes(problem, vector)
-        _, exact = problem.slopes(vector, problem.drawn(chatter.SAMPLES, problem_module.CHOICE))
-    assert found.small == pytest.approx(np.linalg.norm(exact), rel=1e-6)
-    assert found.large == pytest.approx(np.linalg.norm(exact), rel=0.02)
-
-
-def test_a_step_that_fails_is_a_margins_matter_not_a_slopes(rollouts):
-    problem = tuning.build_problem(scenario())
-    vector = np.full(problem.space.size, 0.35)
-    rollouts.lost = staticmethod(lambda x: x[0] > 0.37)
-    with jax.enable_x64(True):
-        assert not chatter.slopes(problem, vector).chattering
-
-
-def test_lbfgs_solves_a_quadratic_in_as_many_steps_as_it_has_pairs():
-    """With exact curvature pairs of a 6-dimensional quadratic the two-loop direction becomes Newton's."""
-    rng = np.random.default_rng(1)
-    A = rng.normal(size=(6, 6))
-    H, chosen = A @ A.T + np.eye(6), method.LBFGS()
-    memory, conjugate = chosen.start(np.zeros(6)), np.linalg.eigh(H)[1].T
-    for step in conjugate:
-        memory = chosen.learn(memory, step, H @ step)
-    g = rng.normal(size=6)
-    direction, _ = chosen.direction(memory, np.zeros(6), g)
-    np.testing.assert_allclose(direction, -np.linalg.solve(H, g), rtol=1e-12)
-
-
-def test_a_pair_of_negative_curvature_is_not_learnt():
-    chosen = method.LBFGS()
-    memory = chosen.start(np.zeros(2))
-    assert chosen.learn(memory, np.ones(2), -np.ones(2)) is memory
-
-
 def test_failed_rollouts_cost_more_the_earlier_they_fail():
     found = batches.Evaluated(np.full((1, 3, 9), 1e9), np.array([[True, False, False]]), np.array([[1.0, 0.9, 0.1]]))
     assert found.costs(np.zeros(9))[0] == pytest.approx([0.0, 1.1 * FAILED, 1.9 * FAILED])
-
-
-def candidate_at(chosen, vector):
-    return Candidate(vector, chosen.start(vector))
-
-
-@pytest.mark.parametrize("optimiser", ["lbfgs", "sgd"])
-def test_steps_into_failing_gains_are_rejected_and_shortened(rollouts, optimiser):
-    """Gains beyond a wall fail: the descent comes close and stays on the near side, and says how often it was held."""
-    problem = problem_module.build_problem(scenario())
-    chosen = method.method(optimiser, 1e3, "constant", None, 1)
-    rollouts.lost = lambda vector: vector[0] > -1.3
-    start = problem.space.inside(np.full(problem.space.size, -2.0))
-    candidate, value, rejected = method.descend(DrawnTrials(problem), chosen, candidate_at(chosen, start), 3, 7, 4)
-    assert value < FAILED
-    assert -2.0 < candidate.vector[0] <= -1.3
-    if optimiser == "sgd":
-        assert rejected > 0
-
-
-def test_a_gradient_that_is_not_finite_rejects_the_step_and_halves_the_next(rollouts, monkeypatch):
-    problem = problem_module.build_problem(scenario())
-    finite = batches.gradients
-    monkeypatch.setattr(batches, "gradients", lambda *a: (finite(*a)[0], finite(*a)[1] * np.nan))
-    chosen, start = method.LBFGS(), problem.start
-    candidate, _, rejected = method.descend(DrawnTrials(problem), chosen, candidate_at(chosen, start), 3, 7, 2)
-    np.testing.assert_array_equal(candidate.vector, start)
-    assert rejected == 2
-    assert candidate.reach == method.REACH / 4
-
-
-def test_a_descent_goes_along_a_bound(rollouts):
-    problem = problem_module.build_problem(scenario(bounds={"K_sigma": [0.45, 0.55]}))
-    chosen = method.LBFGS()
-    candidate, _, _ = method.descend(DrawnTrials(problem), chosen, candidate_at(chosen, problem.start), 3, 7, 12)
-    inside = (candidate.vector >= problem.low) & (candidate.vector <= problem.high)
-    assert inside.all()
-    assert np.sum(candidate.vector[:6] == problem.high[:6]) >= 1
-    _, (slope,) = problem.slopes(candidate.vector, problem.drawn(3, 7))
-    assert np.abs(slope[6:]).max() < 0.2 * np.abs(problem.slopes(problem.start, problem.drawn(3, 7))[1]).max()
 
 
 def test_adversaries_are_trained_on_from_then_on(rollouts, monkeypatch):

@@ -153,8 +153,10 @@ def descend(
     rejected = 0
     value, slope = _slope(trials, candidate.vector, samples, draw)
     for _ in range(steps):
-        proposed, memory = _propose(chosen, candidate, slope, trials.low, trials.high)
-        taken = _pick(chosen, value, trials.values(proposed, samples, draw))
+        proposed, memory, taken = candidate.vector[None], candidate.memory, None
+        if np.all(np.isfinite(slope)):
+            proposed, memory = _propose(chosen, candidate, slope, trials.low, trials.high)
+            taken = _pick(chosen, value, trials.values(proposed, samples, draw))
         rejected += taken is None or (taken > 0 and not chosen.descends)
         moved = _moved(chosen, candidate, memory, proposed, taken)
         value, new_slope = _slope(trials, moved.vector, samples, draw)
@@ -175,8 +177,6 @@ def _propose(
 ) -> tuple[np.ndarray, Any]:
     """Trial vectors (ladder, n) between the bounds, longest step first, and the method's memory after them."""
     vector, memory = candidate.vector, candidate.memory
-    if not np.all(np.isfinite(slope)):
-        return np.repeat(vector[None], len(chosen.ladder), axis=0), memory
     direction, memory = chosen.direction(memory, vector, slope)
     if chosen.descends and np.sum(direction * slope) >= 0.0:
         direction, memory = chosen.direction(chosen.start(vector), vector, slope)
