@@ -50,7 +50,7 @@ def test_paper_full_differs_in_feedforward_and_floor():
 
 def test_shipped_scenarios_have_one_line_each():
     described = list_scenarios()
-    assert {"free", "paper", "paper_full", "rough", "sensed", "uncertain"} == set(described)
+    assert {"free", "paper", "paper_full", "rough", "sensed", "uncertain"} | {"flat", "compliant"} <= set(described)
     assert all(line and "\n" not in line for line in described.values())
 
 
@@ -176,7 +176,7 @@ def test_rows_must_be_one_of_the_four_sets():
         ("[gains]\nk0 = = 3\n", r"scenario: must be a TOML file, was .*bad\.toml \(.*line 2, column 6"),
         ("base = 3\n", r"base: must be the name or path of a scenario, was 3"),
         ('base = "bad.toml"\n', r"base: must be a scenario that does not inherit from this one, was .*bad\.toml"),
-        ('base = "papr"\n', r"base: must be one of free, .* \(did you mean paper\?\), was papr"),
+        ('base = "papr"\n', r"base: must be one of .* \(did you mean paper\?\), was papr"),
         ('base = "none.toml"\n', r"base: must be a file that can be read, was .*none\.toml \(No such file"),
         ("[gains]\nk_a = 3\n", r"gains\.k_a: must be a field of \[gains\] \(did you mean K_a\?\), was unknown"),
     ],

@@ -1,5 +1,8 @@
 """Surfaces of the object: their shapes, what scenario files say of them, and the arc as one of many."""
 
+from types import SimpleNamespace
+from typing import NamedTuple
+
 import jax
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ from coopmm_jax.mechanics import plant
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.surfaces import shape_of
 from coopmm_jax.parameters import Features, Gains, Hardware, Parameters, PathReference, Pose, Structure, Surface
+from coopmm_jax.scenario.feasible import check_reference
 from tests.samples import SHAPES, assert_close, at_surface, joined, positions, vector
 
 EVERY = SHAPES | {"convex circle": Arc(-0.5), "hollow circle": Arc(0.7)}
@@ -65,7 +69,7 @@ def test_every_surface_has_a_shape():
 
 
 def test_scenario_files_choose_a_surface():
-    scenario = cm.load_scenario("paper", coupling={"surface": {"kind": "conic", "curvature_n": 1.2}})
+    scenario = cm.load_scenario("flat", coupling={"surface": {"kind": "conic", "curvature_n": 1.2}})
     assert scenario.parameters().plant.surface.shape == Conic(1.2, 0.0)
     assert (
         scenario.with_overrides({"coupling.surface.curvature_e": 0.3}).parameters().plant.surface.shape.curvature_e
@@ -80,15 +84,61 @@ def test_scenario_files_choose_a_surface():
     ("table", "said"),
     [
         ({"kind": "conc"}, r"surface\.kind: must be one of plane, arc, conic, profile \(did you mean conic\?\)"),
-        ({"curvature_n": 1.0}, r"surface\.kind: must be one of .*, was missing"),
+        ({"curvature_n": 1.0}, r"surface\.curvature_n: must be a field of surface \"plane\""),
         ({"kind": "conic", "curvature_n": 1.0, "curvature_e": -1.0}, r"curvature_e: must be 0, or of the sign of"),
         ({"kind": "arc", "radius": 0.0}, r"surface\.radius: must be other than 0"),
         ({"kind": "plane", "radius": 1.0}, r"surface\.radius: must be a field of"),
+        ({"kind": "conic", "curvature_n": "1"}, r"surface\.curvature_n: must be a number"),
     ],
 )
 def test_surfaces_that_cannot_be(table, said):
     with pytest.raises(UserError, match=said):
-        cm.load_scenario("paper", coupling={"surface": table})
+        cm.load_scenario("flat", coupling={"surface": table})
+
+
+def test_another_surface_needs_a_place_of_the_contact():
+    with pytest.raises(UserError, match=r"coupling\.surface: must be left out without \[reference\.path\], was plane"):
+        cm.load_scenario("paper", coupling={"surface": {"kind": "plane"}})
+
+
+class Lifted(NamedTuple):
+    """A plane that misses the object by ``by``, and says that it is somewhere else by ``off``."""
+
+    by: float = 0.0
+    off: float = 0.0
+
+    def level(self, e, n):
+        return self.by - e + 0.0 * n
+
+    def along(self, n):
+        return self.off * n
+
+
+@pytest.mark.parametrize(
+    ("surface", "contact", "said"),
+    [
+        (
+            Lifted(0.1),
+            0.0,
+            r"coupling\.surface: must be of level 0 at the object, .*, was 0\.1, with a gradient of \(-1, 0\)",
+        ),
+        (
+            Lifted(off=0.1),
+            0.2,
+            r"coupling\.surface: must be of level 0 where along\(n\) says that it is, was 0\.02 m away",
+        ),
+        (Arc(0.15), 0.2, r"reference\.contact: must be on the object's surface, was beyond its edge at 0 s"),
+        (Arc(-0.2), 0.197, r"reference\.contact: must be where arm I meets the surface at a cosine of 0\.2 or more"),
+    ],
+)
+def test_surfaces_that_the_arm_cannot_follow(surface, contact, said):
+    numbers = on_the_circle(Conic(), 0.5)
+    surface = Surface(shape=surface)
+    reference = numbers.reference._replace(surface=surface, contact=contact)
+    given = numbers._replace(plant=numbers.plant._replace(surface=surface), reference=reference)
+    stand_in = SimpleNamespace(parameters=lambda: given, simulation=SimpleNamespace(duration=1.0))
+    with pytest.raises(UserError, match=said):
+        check_reference(stand_in)
 
 
 # general.md B4: surface, place of the contact, z1 z2 z3 a1 a2 a3 of robot I and lambda after 1 s, lambda_n over 20 s.

@@ -147,6 +147,12 @@ class BaseScenario(HardwareSections):
         return self
 
     @model_validator(mode="after")
+    def _other_surfaces_need_a_place_of_the_contact(self) -> Self:
+        if self.coupling.surface is not None and self.reference.path is None:
+            raise UserError("coupling.surface", "left out without [reference.path]", self.coupling.surface.kind)
+        return self
+
+    @model_validator(mode="after")
     def _what_moves_has_a_path(self) -> Self:
         if self.coupling.guide is not None and self.reference.path is None:
             raise UserError("coupling.guide", "left out without [reference.path]", self.coupling.guide)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 SAMPLES = 1000  # of a run
 SLOWEST = 1e-6  # |dr/dp| of a path [m]
 FLATTEST = 0.2  # |n . e1|, cosine between arm I and the normal of the object's surface
+ROUNDING = 1e-9  # of a surface's level [m]
 PERSISTENT = 5.0  # exp(-5) of a lateral error is left after a run
 LONG = 5.0  # [s] of a run in which errors are meant to settle
 
@@ -36,6 +37,7 @@ class Course(NamedTuple):
     speed: np.ndarray  # of the faster platform [m/s]
     reach: np.ndarray  # of arm I [m]
     incidence: np.ndarray  # n . e1
+    distance: np.ndarray  # of the desired contact point from the object's surface [m]
     height: np.ndarray  # of the object [m]
 
 
@@ -50,6 +52,8 @@ def check_reference(scenario: Scenario) -> None:
         Notice: of too little turning.
     """
     parameters = scenario.parameters()
+    if parameters.plant.surface.shape is not None:
+        _check_surface(parameters.plant.surface.shape)
     if not isinstance(parameters.reference, PathReference):
         return
     course = _course(parameters, scenario.simulation.duration)
@@ -92,10 +96,23 @@ def _sample(parameters: Parameters, t: Any) -> tuple[Any, ...]:
     along = (at[0] + reference.offset[0]) * slope[0] + at[1] * slope[1]
     incidence = along / (aim.reach.value * jnp.hypot(*slope))
     speeds = [jnp.abs(aim.advance + aim.turn.value * (aim.across + offset)) for offset in reference.offset]
+    distance = shape.level(*at) / jnp.hypot(*slope)
     height = current(parameters.plant.surface.guide_height, t)
     fastest = functools.reduce(jnp.maximum, speeds)
     stretch = frame(reference.path, phase).stretch
-    return phase, stretch, aim.turn.value, fastest, aim.reach.value, incidence, height
+    return phase, stretch, aim.turn.value, fastest, aim.reach.value, incidence, distance, height
+
+
+def _check_surface(shape: Any) -> None:
+    """Check that a level vanishes at the object, with a slope of -1 along arm II and none across it."""
+    import jax
+
+    with jax.enable_x64(True):
+        value, slope = jax.value_and_grad(lambda point: shape.level(*point))((0.0, 0.0))
+    found = tuple(map(float, (value, *slope)))
+    if not np.allclose(found, (0.0, -1.0, 0.0), rtol=0.0, atol=ROUNDING):
+        was = f"{found[0]:.3g}, with a gradient of ({found[1]:.3g}, {found[2]:.3g})"
+        raise UserError("coupling.surface", "of level 0 at the object, with a gradient of (-1, 0)", was)
 
 
 def _check_path(reference: PathReference, course: Course) -> None:
@@ -119,6 +136,11 @@ def _check_arms(parameters: Parameters, course: Course) -> None:
     if not np.isfinite(across).all():
         t = course.t[~np.isfinite(across)][0]
         raise UserError("reference.contact", "on the object's surface", f"beyond its edge at {t:.3g} s")
+    farthest = np.abs(course.distance).argmax()
+    if not abs(course.distance[farthest]) < ROUNDING:
+        must = "of level 0 where along(n) says that it is"
+        was = f"{abs(course.distance[farthest]):.3g} m away at {course.t[farthest]:.3g} s"
+        raise UserError("coupling.surface", must, was)
     for number, reach in zip(
         ("I", "II"), (course.reach, abs(float(reference.offset[1])) + 0.0 * course.t), strict=True
     ):
