@@ -20,6 +20,7 @@ from tests import readme_worker, tuning_worker
 ROOT = Path(__file__).parent.parent
 SHORT = ["--simulation.duration", "0.1"]
 FEW = {"starts": 4, "samples": 2, "screening-samples": 2, "test-samples": 4, "budget": 0.02}
+FEW |= {"precision": "float64"}  # one program less to compile
 # The loop and the gains of test_objective.py, whose compiled gradient this shares.
 TUNING = {name: value for name, value in tuning_worker.SCENARIO["tuning"].items() if name != "weights"}
 SHORT_TUNING = [
