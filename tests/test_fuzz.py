@@ -1,7 +1,16 @@
 """The command line under odd inputs of every kind, a few of those that ``experiments.fuzz`` can make."""
 
+from experiments import fuzz_kinds
 from experiments.fuzz import fuzz
 
 
 def test_odd_inputs_end_in_one_line_or_pass():
     assert fuzz(2000, seed=0) == []
+
+
+def test_every_kind_loads_or_is_refused_in_one_line():
+    found = {place.choice.group for place in fuzz_kinds.places()}
+    assert found >= {"disturbance", "surface"}
+    complaints, ends = fuzz_kinds.fuzz(cases=400, seed=2, rollouts=False)
+    assert complaints == []
+    assert 40 < ends["refused"] < 360

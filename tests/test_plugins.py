@@ -8,18 +8,25 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import jax
+import numpy as np
 import pytest
 
 import coopmm_jax as cm
 from coopmm_jax import plugins
+from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import metrics, registry
 from coopmm_jax.metrics import observer
+from coopmm_jax.metrics.table import check_finite as check_metrics
 from coopmm_jax.software import check_plugins, versions
 from tests import plugin_page, readme_worker
 from tests.test_readme import blocks, commands
+from tuning.cost.objective import TERMS, Objective
+from tuning.cost.objective import check_finite as check_terms
 
 ROOT = Path(__file__).parent.parent
 TEXT = plugin_page.PAGE.read_text(encoding="utf-8")
@@ -194,6 +201,106 @@ def test_what_cannot_be_used_is_one_line(registered, tmp_path, value, message):
     with pytest.raises(UserError) as caught:
         cm.load_scenario("paper", disturbance={"kind": "mine"})
     assert str(caught.value).startswith(f'disturbance.plugin mine.py: disturbance "mine": value: {message}')
+
+
+METRIC = """
+@cm.register("metric", "mine")
+class Mine(NamedTuple):
+    unit, meaning, reduction = "m", "mine", "max"
+
+    def quantity(self, sample):
+        return {value}
+"""
+TERM = """
+@cm.register("cost_term", "mine")
+class Mine(NamedTuple):
+    unit, floor, weight = "m", 1.0, 1.0
+
+    def value(self, sample):
+        return {value}
+"""
+ASKED = {
+    "sample.speed": "must be free of errors, was AttributeError: 'Sample' object has no attribute 'speed'",
+    "sample.signals.sigma": "must be a function that returns a number: ",
+}
+
+
+@pytest.mark.parametrize(("value", "message"), ASKED.items())
+def test_metric_that_cannot_be_computed_is_one_line(registered, tmp_path, value, message):
+    cm.load_plugin(written(tmp_path, METRIC.format(value=value)))
+    with pytest.raises(UserError) as caught:
+        cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01}))
+    assert str(caught.value).startswith(f'plugin mine.py: metric "mine": quantity: {message}')
+
+
+@pytest.mark.parametrize(("value", "message"), ASKED.items())
+def test_term_of_the_cost_that_cannot_be_computed_is_one_line(registered, tmp_path, value, message):
+    cm.load_plugin(written(tmp_path, TERM.format(value=value)))
+    scenario = cm.load_scenario("paper", simulation={"duration": 0.01}, tuning={"tracking_from": 0.0})
+    objective = Objective.of(scenario, scenario.structure(), 0.01)
+    with pytest.raises(UserError) as caught:
+        jax.eval_shape(objective.evaluate, objective.space.start, scenario.parameters())
+    assert str(caught.value).startswith(f'plugin mine.py: cost_term "mine": value: {message}')
+
+
+def test_what_is_not_finite_in_a_whole_rollout_is_one_line(registered, tmp_path):
+    cm.load_plugin(written(tmp_path, METRIC.format(value="1.0") + TERM.format(value="1.0")))
+    found = {"mine": np.array([1.0, np.nan])}
+    check_metrics(found, np.array([True, False]))
+    with pytest.raises(UserError, match='metric "mine": quantity: must be finite in every rollout .*, was nan'):
+        check_metrics(found, np.array([True, True]))
+    terms = np.ones((1, 2, len(TERMS)))
+    terms[0, 1, -1] = np.inf
+    check_terms(terms, np.array([[True, False]]))
+    with pytest.raises(UserError, match='cost_term "mine": value: must be finite in every rollout .*, was inf'):
+        check_terms(terms, np.array([[True, True]]))
+
+
+def test_weights_of_terms_are_known_with_their_plugin(registered, tmp_path):
+    with pytest.raises(UserError, match=r"tuning.weights.mine: must be a field of .*, or a term of a --plugin"):
+        cm.load_scenario("paper", tuning={"weights": {"mine": 2.0}})
+    cm.load_plugin(written(tmp_path, TERM.format(value="1.0")))
+    scenario = cm.load_scenario("paper", tuning={"weights": {"mine": 2.0}})
+    assert scenario.tuning.weights.of_all()["mine"] == 2.0
+    assert cm.load_scenario("paper").tuning.weights.of_all()["mine"] == 1.0
+    (tmp_path / "s.toml").write_text(scenario.to_toml())
+    assert cm.load_scenario(tmp_path / "s.toml") == scenario
+
+
+def test_command_line_names_plugins_anywhere(registered, tmp_path, capsys):
+    file = written(tmp_path, DISTURBANCE + SQUARE)
+    assert main(["scenarios", f"--plugin={file}"]) == 0
+    assert "mine" in registry.known("disturbance")
+    for words, said in (
+        (["scenarios", "--plugin"], "--plugin: must be followed by a Python file, was followed by nothing"),
+        (["--plugin", "nowhere.py", "scenarios"], "--plugin: must be a Python file, was nowhere.py (No such file or d"),
+        (["--plugin", str(tmp_path), "scenarios"], f"--plugin: must be a Python file, was {tmp_path} (Is a directory)"),
+    ):
+        capsys.readouterr()
+        assert main(words) == 2
+        assert capsys.readouterr().err.startswith(f"coopmm: error: {said}")
+
+
+def test_installed_packages_are_plugins_too(registered, monkeypatch):
+    def point(name, load):
+        return SimpleNamespace(name=name, value="mine.kinds", load=load, dist=SimpleNamespace(version="1.2"))
+
+    def load():
+        registry.register("disturbance", "theirs")(Constant)
+
+    monkeypatch.setattr(plugins, "_installed", lambda: (point("theirs", load),))
+    assert cm.load_scenario("paper", disturbance={"kind": "theirs"}).disturbance[0].kind == "theirs"
+    assert versions()["plugin theirs"] == "1.2"
+    monkeypatch.setattr(plugins, "_installed", lambda: (point("broken", lambda: 1 / 0),))
+    with pytest.raises(UserError, match=r"plugin broken: must be importable \(mine.kinds\), was ZeroDivisionError"):
+        plugins.load_installed()
+
+
+class Constant(NamedTuple):
+    """One."""
+
+    def value(self, t):
+        return 1.0 + 0.0 * t
 
 
 def test_a_plugin_is_run_once_and_cannot_change_or_share_its_name(registered, tmp_path):

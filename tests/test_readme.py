@@ -49,6 +49,7 @@ SMALL = {
     "python -m experiments.paper_checks": ["u26"],
     "python -m experiments.fingerprints": shlex.split("--scenarios paper --parts trajectory"),
     "python -m experiments.fuzz": ["--cases", "20"],
+    "python -m experiments.fuzz_kinds": ["--cases", "1"],
     "python -m experiments.readme_media": [],
     "python -m experiments.benchmarks.rollout": ["--rounds", "1"],
     "python -m experiments.benchmarks.loops": ["--rounds", "1"],

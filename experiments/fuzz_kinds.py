@@ -1,0 +1,214 @@
+"""Seeded fuzzing of kinds: references, surfaces, disturbances and whatever else scenario files choose by name.
+
+    python -m experiments.fuzz_kinds [--cases 2000] [--seed 0] [--groups disturbance surface]
+
+A case is a scenario in which one kind has numbers within its declared bounds, most of them plausible, some extreme.
+Loading it must give a scenario or a ``UserError`` of one printable line. What loads is run for a few steps, in batches:
+a rollout completes with finite metrics, or ends with a status; anything that is not finite elsewhere is a complaint.
+Kinds and fields come from the registry, so those of a plugin (--plugin) are fuzzed like the built-in ones.
+
+Exit codes: 0 all cases are as they should be, 1 some are not (one line each).
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import warnings
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from typing import Any, NamedTuple, get_args, get_origin
+
+import jax
+import numpy as np
+from pydantic import BeforeValidator
+
+from coopmm_jax import plugins, runtime
+from coopmm_jax.errors import UserError
+from coopmm_jax.kinds import registry
+from coopmm_jax.kinds.registry import MISSING, Field
+from coopmm_jax.metrics.table import LATE, METRICS
+from coopmm_jax.scenario.kind_sections import Chosen, is_pair, is_scalar, is_vector
+from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.status import Status
+from coopmm_jax.sweeps import measure
+
+BATCH, STEPS, ENTRIES = 32, 20, 3
+LONGEST = 500  # characters of a message
+_EXTREME = (0.0, -0.0, 1e-300, -1e-300, 1e-9, 1e9, -1e9, 1e150, -1e150, 1e300, 1.7e308)
+_ODD: tuple[Any, ...] = ("", "x", "none", [], {}, [[]], [1.0], True, float("nan"), float("inf"), 10**400, {"kind": "x"})
+_PLAUSIBLE = 0.85  # of the numbers
+_STEP = 1e-3  # [s]
+
+
+class Place(NamedTuple):
+    """A field of the scenario that is one kind of a group, or a list of them."""
+
+    path: tuple[str, ...]
+    choice: Chosen
+
+
+def places(section: Any = Scenario, path: tuple[str, ...] = ()) -> Iterator[Place]:
+    """Fields of a section, and of those in it, that choose a kind."""
+    for name, info in section.model_fields.items():
+        validators = (note.func for note in _notes(info) if isinstance(note, BeforeValidator))
+        choice = next((function for function in validators if isinstance(function, Chosen)), None)
+        if choice is not None:
+            yield Place((*path, name), choice)
+        elif hasattr(info.annotation, "model_fields"):
+            yield from places(info.annotation, (*path, name))
+
+
+def _notes(info: Any) -> Iterator[Any]:
+    """Annotations of a field, also those within "or left out"."""
+    yield from info.metadata
+    for alternative in get_args(info.annotation):
+        yield from getattr(alternative, "__metadata__", ())
+
+
+class Fuzzer:
+    """Makes tables of kinds."""
+
+    def __init__(self, seed: int):
+        self.random = random.Random(seed)
+
+    def table(self, place: Place, kind: str) -> dict[str, Any]:
+        """A table that chooses a kind, with numbers for most of its fields and of those that all have in common."""
+        fields = registry.find(place.choice.group, kind).fields
+        table: dict[str, Any] = {"kind": kind}
+        for name, field in fields.items():
+            if field.default is MISSING or self.random.random() < 0.8:
+                table[name] = self.value(field)
+        for name, info in place.choice.base.model_fields.items():
+            if info.annotation is float:  # all of them, so that few programs are enough
+                table[name] = self.number(Field(float, registry.quantity(""), info.default))
+        if self.random.random() < 0.1:
+            table[self.random.choice(list(table))] = self.random.choice(_ODD)
+        return table
+
+    def value(self, field: Field) -> Any:
+        """Value of a field's type; a few are odd."""
+        plain = field.type
+        if is_scalar(plain):
+            return self.number(field)
+        if is_pair(plain):
+            return [self.number(field) for _ in range(2)]
+        if is_vector(plain):
+            numbers = [self.number(field) for _ in range(ENTRIES)]
+            return sorted(numbers) if self.random.random() < 0.7 else numbers
+        if get_origin(plain) is tuple and any(get_origin(entry) is tuple for entry in get_args(plain)):
+            return [[self.number(field), self.number(field)] for _ in range(self.random.choice((3, 8, 12)))]
+        choices = get_args(plain)
+        return self.random.choice(choices) if choices and self.random.random() < 0.9 else self.random.choice(_ODD)
+
+    def number(self, field: Field) -> float:
+        """Number about a field's default, or an extreme one; mostly within its bounds."""
+        if self.random.random() > _PLAUSIBLE:
+            return self.random.choice(_EXTREME)
+        default = field.default if isinstance(field.default, float | int) else 1.0
+        drawn = default * self.random.uniform(0.3, 2.0) + self.random.uniform(-0.3, 0.3)
+        about = field.about
+        low = max((x for x in (about.above, about.at_least) if x is not None), default=-np.inf)
+        high = min((x for x in (about.below, about.at_most) if x is not None), default=np.inf)
+        inside = low < drawn < high
+        return drawn if inside else (low + 0.1 if np.isfinite(low) else high - 0.1)
+
+
+def scenario_with(place: Place, table: dict[str, Any]) -> Scenario:
+    """A short scenario with a kind in its place.
+
+    Raises:
+        UserError: as ``load_scenario``.
+    """
+    tables: Any = table
+    for name in reversed(place.path):
+        tables = {name: tables}
+    short = {"duration": STEPS * _STEP, "step": _STEP}
+    return load_scenario("paper", **({"simulation": short} | tables))
+
+
+class Outcome(NamedTuple):
+    """Endings of all cases."""
+
+    complaints: list[str]
+    ends: Counter[str]  # how many were refused, or ended with each status
+
+
+def fuzz(cases: int, seed: int, groups: tuple[str, ...] = (), rollouts: bool = True) -> Outcome:
+    """Outcome of so many cases, spread over all kinds.
+
+    Args:
+        cases: how many.
+        seed: of their numbers.
+        groups: of the kinds; all where it is empty.
+        rollouts: run what loads.
+    """
+    fuzzer, complaints, ends = Fuzzer(seed), [], Counter[str]()
+    chosen = [place for place in places() if not groups or place.choice.group in groups]
+    kinds = [(place, kind) for place in chosen for kind in registry.known(place.choice.group)]
+    programs: dict[Any, list[tuple[Any, Any]]] = defaultdict(list)
+    for number in range(cases):
+        place, kind = kinds[number % len(kinds)]
+        table = fuzzer.table(place, kind)
+        name = f"case {number}: {'.'.join(place.path)} = {str(table)[:200]}"
+        try:
+            with warnings.catch_warnings(action="ignore"):
+                scenario = scenario_with(place, table)
+                parameters = scenario.parameters()
+        except UserError as error:
+            text = str(error)
+            ends["refused"] += 1
+            if not text.isprintable() or len(text) > LONGEST:
+                complaints.append(f"{name}: {text!r}")
+        except Exception as error:
+            complaints.append(f"{name}: {type(error).__name__}: {error}")
+        else:
+            programs[scenario.structure(), jax.tree.structure(parameters)].append((name, parameters))
+    for (structure, _), waiting in programs.items() if rollouts else ():
+        complaints += _run(structure, waiting, ends)
+    return Outcome(complaints, ends)
+
+
+def _run(structure: Any, waiting: list[tuple[str, Any]], ends: Counter[str]) -> Iterator[str]:
+    """Complaints about the rollouts of one program."""
+    horizon, device = measure.Horizon(_STEP, STEPS, "float64"), jax.devices()[0]
+    expected = [name for name, metric in METRICS.items() if metric.reduction != "time_if_complete"]
+    columns = [list(METRICS).index(name) for name in expected if METRICS[name].window != LATE]
+    for start in range(0, len(waiting), BATCH):
+        batch = waiting[start : start + BATCH]
+        full = [parameters for _, parameters in (batch * BATCH)[:BATCH]]
+        stacked = jax.tree.map(lambda *leaves: np.array(leaves, dtype=float), *full)
+        found = measure.measure(structure, horizon, device, stacked)
+        for (name, _), metrics, status, time in zip(batch, *found, strict=False):
+            ended = status in {code.value for code in Status}
+            if not ended or (status == Status.OK) != np.isnan(time):
+                yield f"{name}: status {status} at {time}"
+            ends[Status(status).name] += 1
+            started = status == Status.OK or time > 0.0
+            if started and not np.all(np.isfinite(metrics[columns])):
+                wrong = [list(METRICS)[i] for i in columns if not np.isfinite(metrics[i])]
+                yield f"{name}: {Status(status).name}, and not finite: {', '.join(wrong)}"
+
+
+def main() -> int:
+    """Fuzz and print what is wrong; the exit code."""
+    parser = argparse.ArgumentParser(description="Fuzz kinds.")
+    parser.add_argument("--cases", type=int, default=2000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--groups", nargs="*", default=[])
+    parser.add_argument("--plugin", action="append", default=[])
+    options = parser.parse_args()
+    runtime.use_fast_compilation(batches=True)
+    runtime.use_compilation_cache()
+    for plugin in options.plugin:
+        plugins.load_plugin(plugin)
+    complaints, ends = fuzz(options.cases, options.seed, tuple(options.groups))
+    print("\n".join(complaints))
+    print(", ".join(f"{count} {name}" for name, count in ends.most_common()))
+    print(f"{len(complaints)} of {options.cases} cases are not as they should be")
+    return int(bool(complaints))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
