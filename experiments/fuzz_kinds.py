@@ -22,14 +22,14 @@ from typing import Any, NamedTuple, get_args, get_origin
 
 import jax
 import numpy as np
-from pydantic import BeforeValidator
 
 from coopmm_jax import plugins, runtime
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import registry
 from coopmm_jax.kinds.registry import MISSING, Field
 from coopmm_jax.metrics.table import LATE, METRICS
-from coopmm_jax.scenario.kind_sections import Chosen, is_pair, is_scalar, is_vector
+from coopmm_jax.scenario.feasible import check_reference
+from coopmm_jax.scenario.kind_sections import Chosen, choice_of, is_pair, is_scalar, is_vector
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps import measure
@@ -40,6 +40,11 @@ _EXTREME = (0.0, -0.0, 1e-300, -1e-300, 1e-9, 1e9, -1e9, 1e150, -1e150, 1e300, 1
 _ODD: tuple[Any, ...] = ("", "x", "none", [], {}, [[]], [1.0], True, float("nan"), float("inf"), 10**400, {"kind": "x"})
 _PLAUSIBLE = 0.85  # of the numbers
 _STEP = 1e-3  # [s]
+# What a part of a reference needs beside it.
+ALONG_A_PATH: dict[str, dict[str, Any]] = {
+    "reference": {"path": {"kind": "ellipse"}},
+    "initial": {"x": [2.4, 1.0], "th": 0.0, "a1": 1.5708, "a2": [-0.7954, 2.3462], "a3": 1.5908},
+}
 
 
 class Place(NamedTuple):
@@ -52,19 +57,11 @@ class Place(NamedTuple):
 def places(section: Any = Scenario, path: tuple[str, ...] = ()) -> Iterator[Place]:
     """Fields of a section, and of those in it, that choose a kind."""
     for name, info in section.model_fields.items():
-        validators = (note.func for note in _notes(info) if isinstance(note, BeforeValidator))
-        choice = next((function for function in validators if isinstance(function, Chosen)), None)
+        choice = choice_of(info)
         if choice is not None:
             yield Place((*path, name), choice)
         elif hasattr(info.annotation, "model_fields"):
             yield from places(info.annotation, (*path, name))
-
-
-def _notes(info: Any) -> Iterator[Any]:
-    """Annotations of a field, also those within "or left out"."""
-    yield from info.metadata
-    for alternative in get_args(info.annotation):
-        yield from getattr(alternative, "__metadata__", ())
 
 
 class Fuzzer:
@@ -103,7 +100,7 @@ class Fuzzer:
         return self.random.choice(choices) if choices and self.random.random() < 0.9 else self.random.choice(_ODD)
 
     def number(self, field: Field) -> float:
-        """Number about a field's default, or an extreme one; mostly within its bounds."""
+        """Number about a field's default [in its unit], or an extreme one; mostly within its bounds."""
         if self.random.random() > _PLAUSIBLE:
             return self.random.choice(_EXTREME)
         default = field.default if isinstance(field.default, float | int) else 1.0
@@ -119,13 +116,18 @@ def scenario_with(place: Place, table: dict[str, Any]) -> Scenario:
     """A short scenario with a kind in its place.
 
     Raises:
-        UserError: as ``load_scenario``.
+        UserError: as ``load_scenario`` and ``check_reference``.
     """
+    section, *deeper = place.path
     tables: Any = table
-    for name in reversed(place.path):
+    for name in reversed(deeper):
         tables = {name: tables}
+    base = ALONG_A_PATH if section == "reference" else {}
+    laid = {section: base.get(section, {}) | tables} if deeper else {section: table}
     short = {"duration": STEPS * _STEP, "step": _STEP}
-    return load_scenario("paper", **({"simulation": short} | tables))
+    scenario = load_scenario("paper", **(base | {"simulation": short} | laid))
+    check_reference(scenario)
+    return scenario
 
 
 class Outcome(NamedTuple):

@@ -11,12 +11,11 @@ from importlib import import_module
 from pathlib import Path
 
 from coopmm_jax import kinds as package
-from coopmm_jax.kinds.registry import GROUPS, MISSING, known
+from coopmm_jax.kinds.registry import GROUPS, MISSING
 from coopmm_jax.metrics import table as metrics  # registers the built-in ones
 
 PAGE = Path(__file__).parent.parent / "docs" / "plugins.md"
 BEGIN, END = "<!-- groups: from tests/plugin_page.py -->\n", "<!-- end of groups -->"
-MOST = 8  # built-in kinds that are named
 assert metrics
 for module in pkgutil.iter_modules(package.__path__):
     import_module(f"{package.__name__}.{module.name}")
@@ -32,9 +31,7 @@ def table() -> str:
     """Protocols of all groups, in Markdown."""
     lines = []
     for name, group in sorted(GROUPS.items()):
-        kinds = list(known(name))
-        built_in = f"built in: {', '.join(f'`{kind}`' for kind in kinds)}" if len(kinds) <= MOST else ""
-        lines += [f"**{name}**: {group.meaning}" + (f"; {built_in}" if built_in else ""), ""]
+        lines += [f"**{name}**: {group.meaning}", ""]
         for method in group.methods:
             form = f"{method.name}({', '.join(('self', *method.arguments))})"
             lines.append(f"- `{form}`{', optional' if method.optional else ''}: {method.meaning}")

@@ -42,7 +42,7 @@ SMALL = {
     "sweep": [*SHORT, "--samples", "8", "--batch", "8", "--keep", "2"],
     "simulate --from": SHORT,
     "tune": TUNED,
-    "falsify": [*TUNED, "--rollouts", "13", "--starts", "2"],
+    "falsify": [*TUNED, "--rollouts", "20", "--starts", "2"],
     "animate": ["--width", "400", "--fps", "50"],
 }
 COMMANDS = [command for command in commands(TEXT) if " --plugin " in command]
@@ -247,12 +247,12 @@ def test_what_is_not_finite_in_a_whole_rollout_is_one_line(registered, tmp_path)
     cm.load_plugin(written(tmp_path, METRIC.format(value="1.0") + TERM.format(value="1.0")))
     found = {"mine": np.array([1.0, np.nan])}
     check_metrics(found, np.array([True, False]))
-    with pytest.raises(UserError, match='metric "mine": quantity: must be finite in every rollout .*, was nan'):
+    with pytest.raises(UserError, match=r'metric "mine": quantity: must be finite in every rollout .*, was nan'):
         check_metrics(found, np.array([True, True]))
     terms = np.ones((1, 2, len(TERMS)))
     terms[0, 1, -1] = np.inf
     check_terms(terms, np.array([[True, False]]))
-    with pytest.raises(UserError, match='cost_term "mine": value: must be finite in every rollout .*, was inf'):
+    with pytest.raises(UserError, match=r'cost_term "mine": value: must be finite in every rollout .*, was inf'):
         check_terms(terms, np.array([[True, True]]))
 
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal, get_args, get_origin
 
-from pydantic import BeforeValidator
-
 from coopmm_jax.kinds import registry
-from coopmm_jax.scenario.kind_sections import Chosen, section
+from coopmm_jax.scenario.kind_sections import Chosen, choice_of, section
 from coopmm_jax.scenario.scenario import Scenario
 
 OVERRIDES = "[--section.field VALUE ...]"
@@ -16,45 +14,45 @@ OVERRIDES = "[--section.field VALUE ...]"
 def fields_help() -> str:
     """Text that lists every field with its default, meaning and unit."""
     lines = ["overrides, after SCENARIO (values are TOML; several values make a list, one number fills a list):"]
+    told: dict[str, str] = {}
     for name, info in Scenario.model_fields.items():
         if hasattr(info.annotation, "model_fields"):
             lines += ["", info.annotation.__doc__ or f"[{name}]:"]  # Python may leave docstrings out
-            lines += _of_section(name, info.annotation)
-        elif choice := _choice(info):
-            lines += ["", choice.base.__doc__ or f"[{name}]:", *_of_kinds(name, info)]
+            lines += _of_section(name, info.annotation, told)
+        elif choice := choice_of(info):
+            lines += ["", choice.base.__doc__ or f"[{name}]:", *_of_kinds(name, info, choice, told)]
     return "\n".join(lines)
 
 
-def _of_section(path: str, section: Any, *without: str) -> list[str]:
+def _of_section(path: str, section: Any, told: dict[str, str], *without: str) -> list[str]:
     lines = []
     for name, info in section.model_fields.items():
         place = f"{path}.{name}"
-        if _choice(info):
-            lines += _of_kinds(place, info)
+        if choice := choice_of(info):
+            lines += _of_kinds(place, info, choice, told)
         elif name not in without:
             lines.append(_line(place, info))
     return lines
 
 
-def _of_kinds(path: str, info: Any) -> list[str]:
-    """Lines on the fields that all kinds of a group have, then on those of each kind."""
-    choice = _choice(info)
-    assert choice is not None
+def _of_kinds(path: str, info: Any, choice: Chosen, told: dict[str, str]) -> list[str]:
+    """Lines on the fields that all kinds of a group have, then on those of each kind.
+
+    ``told`` says where those of a group stand already, by the group's name.
+    """
     kinds = registry.known(choice.group)
-    default = f" (default {choice.default})" if choice.default else ""
-    lines = [f"  {_option(f'{path}.kind'):28} {registry.GROUPS[choice.group].meaning}: {' or '.join(kinds)}{default}"]
-    lines += _of_section(path, choice.base, "kind")
+    meaning = info.description or registry.GROUPS[choice.group].meaning
+    default = f" (default {choice.default or 'none'})"
+    first = f"  {_option(f'{path}.kind'):28} {meaning}: {' or '.join(kinds)}{default}"
+    if choice.group in told:
+        return [f"{first}, with the fields of {told[choice.group]}"]
+    told[choice.group] = f"--{path}"
+    lines = [first, *_of_section(path, choice.base, told, "kind")]
     for name in kinds:
         described = section(choice.group, name, choice.base)
-        meaning = " ".join((described.__doc__ or "").split())
-        lines += [f"  {name}: {meaning}", *_of_section(path, described, *choice.base.model_fields)]
+        text = " ".join((described.__doc__ or "").split())
+        lines += [f"  {name}: {text}", *_of_section(path, described, told, *choice.base.model_fields)]
     return lines
-
-
-def _choice(info: Any) -> Chosen | None:
-    """Choice among kinds that a field is, if it is one."""
-    validators = (note.func for note in info.metadata if isinstance(note, BeforeValidator))
-    return next((function for function in validators if isinstance(function, Chosen)), None)
 
 
 def _option(place: str) -> str:

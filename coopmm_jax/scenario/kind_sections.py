@@ -15,7 +15,8 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_args, get_origin
 
-from pydantic import Field, Strict, create_model
+from pydantic import BeforeValidator, Field, Strict, create_model
+from pydantic.fields import FieldInfo
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import registry
@@ -93,6 +94,13 @@ class Chosen(NamedTuple):
         made = validate(_section(kind.made, self.base), value)
         check(made)
         return made
+
+
+def choice_of(info: FieldInfo) -> Chosen | None:
+    """Choice among kinds that a field of a section is, or that it is where it is not left out; None for another one."""
+    alternatives = (note for each in get_args(info.annotation) for note in getattr(each, "__metadata__", ()))
+    validators = (note.func for note in (*info.metadata, *alternatives) if isinstance(note, BeforeValidator))
+    return next((function for function in validators if isinstance(function, Chosen)), None)
 
 
 def check(described: KindSection) -> None:
