@@ -53,6 +53,9 @@ SMALL = {
     "python -m experiments.readme_media": [],
     "python -m experiments.benchmarks.rollout": ["--rounds", "1"],
     "python -m experiments.benchmarks.loops": ["--rounds", "1"],
+    "python -m experiments.benchmarks.accelerator": shlex.split(
+        "--batches 2 --steps 1 --scenarios free --precisions float64"
+    ),
     "python -m experiments.benchmarks.sweep": [],
     "python -m experiments.benchmarks.gradients": ["--duration", "0.1"],
     "python -m experiments.benchmarks.falsify": shlex.split("--samples 700 --seeds 1"),

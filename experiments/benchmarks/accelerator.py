@@ -1,0 +1,93 @@
+"""Throughput of large batches of rollouts on whatever device JAX finds: a GPU, or this machine's processor.
+
+    python -m experiments.benchmarks.accelerator [--batches 16384 131072] [--steps 200]
+
+Every element has a gain of its own, so nothing is computed once for all. Times are medians of three runs after one to
+warm up; the coordinate that is printed tells whether another device computes the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import time
+from collections.abc import Callable, Sequence
+
+from coopmm_jax import runtime
+
+if __name__ == "__main__":
+    runtime.use_fast_compilation(batches=True)
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import coopmm_jax as cm
+from coopmm_jax.loop.rollout import Plan, rollout
+from coopmm_jax.parameters import Parameters
+from coopmm_jax.scenario.scenario import Scenario
+
+ROUNDS = 3
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print one line for each scenario, precision and batch."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--batches", nargs="+", type=int, default=[16384, 131072], help="rollouts in a batch")
+    parser.add_argument("--steps", type=int, default=200, help="of each rollout")
+    parser.add_argument("--scenarios", nargs="+", default=["paper_full", "sensed"])
+    parser.add_argument("--precisions", nargs="+", choices=("float64", "float32"), default=["float64", "float32"])
+    options = parser.parse_args(argv)
+    print(f"JAX {jax.__version__} on {jax.devices()[0].device_kind}")
+    with jax.enable_x64(True):
+        for name in options.scenarios:
+            for precision in options.precisions:
+                for size in options.batches:
+                    print(measured(name, precision, size, options.steps), flush=True)
+    return 0
+
+
+def measured(name: str, precision: str, size: int, steps: int) -> str:
+    """Compilation time, throughput and one result of a batch of rollouts, in words.
+
+    Args:
+        name: of the scenario.
+        precision: of all numbers.
+        size: elements of the batch.
+        steps: samples of each rollout.
+    """
+    scenario = cm.load_scenario(name)
+    parameters = jax.tree.map(lambda x: jnp.asarray(x, precision), scenario.parameters())
+    factors = jnp.linspace(0.9, 1.1, size, dtype=precision)
+    began = time.perf_counter()
+    compiled = jax.jit(jax.vmap(_last(scenario, steps), in_axes=(0, None))).lower(factors, parameters).compile()
+    compiling = time.perf_counter() - began
+    first = np.asarray(compiled(factors, parameters))[0]
+    seconds = statistics.median(_seconds(lambda: compiled(factors, parameters)) for _ in range(ROUNDS))
+    rate = size * steps * max(scenario.structure().substeps, 1) / seconds / 1e6
+    label = f"{name:12} {precision} {size:8} rollouts"
+    return f"{label}  compiled in {compiling:5.1f} s  {rate:8.2f} M steps/s  z2 {first:.12f}"
+
+
+def _last(scenario: Scenario, steps: int) -> Callable[[jax.Array, Parameters], jax.Array]:
+    """Last z2 of robot I [m] as a function of a factor on k1."""
+
+    def last(factor: jax.Array, parameters: Parameters) -> jax.Array:
+        gains = parameters.gains._replace(k1=factor * parameters.gains.k1)
+        run = rollout(
+            scenario.structure(), parameters._replace(gains=gains), scenario.sample_time, steps, Plan.batch(steps)
+        )
+        return run.state.position[0].z2
+
+    return last
+
+
+def _seconds(run: Callable[[], jax.Array]) -> float:
+    began = time.perf_counter()
+    run().block_until_ready()
+    return time.perf_counter() - began
+
+
+if __name__ == "__main__":
+    sys.exit(main())
