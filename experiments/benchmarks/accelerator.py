@@ -24,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import coopmm_jax as cm
+from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.parameters import Parameters
 from coopmm_jax.scenario.scenario import Scenario
@@ -70,10 +71,10 @@ def measured(name: str, precision: str, size: int, steps: int) -> str:
     return f"{label}  compiled in {compiling:5.1f} s  {rate:8.2f} M steps/s  z2 {first:.12f}"
 
 
-def _last(scenario: Scenario, steps: int) -> Callable[[jax.Array, Parameters], jax.Array]:
+def _last(scenario: Scenario, steps: int) -> Callable[[jax.Array, Parameters], Scalar]:
     """Last z2 of robot I [m] as a function of a factor on k1."""
 
-    def last(factor: jax.Array, parameters: Parameters) -> jax.Array:
+    def last(factor: jax.Array, parameters: Parameters) -> Scalar:
         gains = parameters.gains._replace(k1=factor * parameters.gains.k1)
         run = rollout(
             scenario.structure(), parameters._replace(gains=gains), scenario.sample_time, steps, Plan.batch(steps)
