@@ -34,7 +34,7 @@ from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps import measure
 
-BATCH, STEPS, ENTRIES = 32, 20, 3
+BATCH, STEPS, ENTRIES = 32, 20, 5
 LONGEST = 500  # characters of a message
 _EXTREME = (0.0, -0.0, 1e-300, -1e-300, 1e-9, 1e9, -1e9, 1e150, -1e150, 1e300, 1.7e308)
 _ODD: tuple[Any, ...] = ("", "x", "none", [], {}, [[]], [1.0], True, float("nan"), float("inf"), 10**400, {"kind": "x"})
@@ -92,7 +92,7 @@ class Fuzzer:
         if is_pair(plain):
             return [self.number(field) for _ in range(2)]
         if is_vector(plain):
-            numbers = [self.number(field) for _ in range(ENTRIES)]
+            numbers = [self.number(field) for _ in range(ENTRIES + (self.random.random() < 0.1))]
             return sorted(numbers) if self.random.random() < 0.7 else numbers
         if get_origin(plain) is tuple and any(get_origin(entry) is tuple for entry in get_args(plain)):
             return [[self.number(field), self.number(field)] for _ in range(self.random.choice((3, 8, 12)))]
@@ -122,7 +122,7 @@ def scenario_with(place: Place, table: dict[str, Any]) -> Scenario:
     tables: Any = table
     for name in reversed(deeper):
         tables = {name: tables}
-    base = ALONG_A_PATH if section == "reference" else {}
+    base = ALONG_A_PATH if section in ("reference", "coupling") else {}
     laid = {section: base.get(section, {}) | tables} if deeper else {section: table}
     short = {"duration": STEPS * _STEP, "step": _STEP}
     scenario = load_scenario("paper", **(base | {"simulation": short} | laid))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import warnings
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -74,8 +75,16 @@ def _course(parameters: Parameters, duration: float) -> Course:
 
     with jax.enable_x64(True):
         t = np.linspace(0.0, duration, SAMPLES)
-        values = jax.jit(jax.vmap(functools.partial(_sample, parameters)))(t)
+        values = _compiled()(parameters, t)
         return Course(t, *(np.broadcast_to(np.asarray(x), t.shape) for x in values))
+
+
+@functools.cache
+def _compiled() -> Callable[..., Any]:
+    """Compiled function of all samples: one program for all numbers of a reference."""
+    import jax
+
+    return jax.jit(jax.vmap(_sample, in_axes=(None, 0)))
 
 
 def _sample(parameters: Parameters, t: Any) -> tuple[Any, ...]:
