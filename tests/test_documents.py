@@ -12,6 +12,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = (
     "README.md",
     "docs/plugins.md",
+    "docs/surfaces.md",
     "CONTRIBUTING.md",
     "CHANGELOG.md",
     "experiments/README.md",
