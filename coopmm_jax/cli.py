@@ -4,7 +4,7 @@ Exit codes: 0 done, 2 the input cannot be used (one line on stderr), 3 a rollout
 plus a signal's number where one ended it: 130 for Ctrl-C, 141 where nobody reads the output any more.
 
 >>> main(["scenarios"])  # doctest: +ELLIPSIS
-free...
+compliant...
 0
 """
 

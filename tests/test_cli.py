@@ -18,7 +18,7 @@ from coopmm_jax.kinds.registry import known
 from coopmm_jax.metrics.table import METRICS, SHOWN
 from coopmm_jax.scenario import overrides
 from coopmm_jax.scenario.places import names
-from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.scenario.scenario import Scenario, load_scenario, shipped
 from tests.stand_in import StandIn
 
 FAILED = SimpleNamespace(name="SINGULAR_GUIDE", message="arm of robot II became singular")
@@ -35,7 +35,7 @@ def simulation(monkeypatch):
 def test_scenarios_lists_one_line_each(capsys):
     assert main(["scenarios"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == ["free", "paper", "paper_full", "rough", "sensed", "uncertain"]
+    assert [line.split()[0] for line in lines] == sorted(shipped())
     assert load_scenario("uncertain").description in lines[-1]
 
 
@@ -136,7 +136,7 @@ def test_failed_rollout_is_told_and_kept(simulation, tmp_path, capsys):
         ([], "the following arguments are required: COMMAND"),
         (["simulate"], "SCENARIO: must be given, or --from STORE --sample N, was missing"),
         (["simulte"], "COMMAND: must be one of simulate, animate, sweep, report, scenarios, "),
-        (["simulate", "papr"], "scenario: must be one of free, paper, paper_full, rough, sensed, uncertain"),
+        (["simulate", "papr"], f"scenario: must be one of {', '.join(sorted(shipped()))} or a .toml file"),
         (["simulate", "paper", "--gains.K-lambda", "-2"], "gains.K_lambda: must be greater than -1, was -2"),
         (
             ["simulate", "paper", "--gains.K-lamda", "2"],

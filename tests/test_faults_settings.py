@@ -8,7 +8,7 @@ from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario import overrides
 from coopmm_jax.scenario.overrides import merged
-from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.scenario.scenario import Scenario, load_scenario, shipped
 from coopmm_jax.sweeps.run import sweep
 from tuning.search.method import method
 
@@ -138,7 +138,7 @@ DIGITS = "1" + "0" * 5000
         (f"simulate paper --{'a.' * 3000}b 1", "a.a.a."),
         (f"simulate {'x' * 10_000}.toml", "scenario: must be a file that can be read, was xxxx"),
         ("simulate ~nouser/x.toml", "scenario: must be a path of an existing user's folder, was ~nouser"),
-        ("simulate \x1b[31m", r"scenario: must be one of free, paper, paper_full, rough, sensed, uncertain or a .toml"),
+        ("simulate \x1b[31m", f"scenario: must be one of {', '.join(sorted(shipped()))} or a .toml"),
         ("simulate paper --law.u26 \x1b[31m\x9b\udcff", r'law.u26: must be readable text, was "\x1b[31m\x9b\udcff"'),
     ],
 )
