@@ -25,8 +25,8 @@ from tuning.cost import evaluate
 from tuning.cost.problem import build_problem
 from tuning.cost.robust_cost import RobustCost
 
-LIMIT = 1e-5  # relative, of each gain's derivative
-STEPS = (3e-3, 1e-3, 3e-4, 1e-4)
+LIMIT = 1e-6  # relative, of each gain's derivative
+STEPS = (3e-3, 1e-3, 3e-4, 1e-4, 3e-5)  # the last for delta_floor: the cost has a bend at each sample that it covers
 # of a derivative by four evaluations at -2, -1, 1 and 2 steps
 OFFSETS, WEIGHTS = np.array([-2.0, -1.0, 1.0, 2.0]), np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
 

@@ -16,6 +16,9 @@ from coopmm_jax.sweeps.batch import Device, Program, in_batches, prepare, run, s
 from tuning.cost.objective import FAILED, TERMS, Objective, check_finite
 
 BATCH = 32  # elements: one core is fastest with 32 to 64, and the usual 16 candidates x 4 samples fill two cores
+# Of gradients by gains, of which a search asks for 4 to 16 at a time: a batch of 8 takes 1.5 s of CPU on ``sensed``
+# over 20 s and compiles in 57 s, one of 32 takes 2.2 s and compiles in 258 s.
+FEW = 8
 # What differentiates by a sample's numbers takes LLVM minutes to optimise, and is run a few times: without, it compiles
 # four times as fast and runs three times as slow.
 _UNOPTIMISED = (("xla_backend_optimization_level", 0),)
@@ -88,7 +91,7 @@ def compile_gradients(objective: Objective, samples: Samples) -> None:
 
 def _prepare(function: Callable, objective: Objective, samples: Samples, precision: str) -> None:
     sizes = (objective.space.size, samples.rows.shape[1], len(TERMS))
-    elements = tuple(jax.ShapeDtypeStruct((BATCH, size), np.dtype(precision)) for size in sizes)
+    elements = tuple(jax.ShapeDtypeStruct((_batch(function), size), np.dtype(precision)) for size in sizes)
     prepare(_program(function, objective, samples), slots()[0], elements)
 
 
@@ -118,9 +121,13 @@ def _run(
         candidate, sample = np.divmod(pairs, count)
         return run(program, device, (vectors[candidate], rows[sample], coefficients[candidate]))
 
-    arrays = in_batches(compute, candidates * count, BATCH)
+    arrays = in_batches(compute, candidates * count, _batch(function))
     arrays = (array.astype(float) if array.dtype == np.float32 else array for array in arrays)
     return [array.reshape(candidates, count, *array.shape[1:]) for array in arrays]
+
+
+def _batch(function: Callable) -> int:
+    return FEW if function is _gradient else BATCH
 
 
 def _program(function: Callable, objective: Objective, samples: Samples) -> Program:
