@@ -90,7 +90,7 @@ def _read(path: Path) -> dict[str, Any]:
         base, field = tables.pop("base", None), "base"
         if not isinstance(base, str | None):
             raise UserError("base", "the name or path of a scenario", base)
-        laid.append(_found_from(path.parent, tables))
+        laid.append(_found_from(path.parent, merged({}, tables)))
         if base is None:
             return functools.reduce(merged, reversed(laid), {})
         path = _find(base, path.parent, "base")
