@@ -11,8 +11,11 @@ from coopmm_jax.control.reference import at_instant, desired_motion
 from coopmm_jax.kinds.courses import Sine, Swing
 from coopmm_jax.kinds.paths import Circle
 from coopmm_jax.kinds.timings import Rate, RestToRest
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.disturbance import disturbing
+from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import Gains, Parameters, PathReference, Rail, Structure
 from coopmm_jax.proof.terms import proof_terms
 from tests.beside_a_path import EIGHT, FULL, eight, ellipse
@@ -188,3 +191,37 @@ def test_energy_balance_on_the_rail(along_the_eight):
     weights = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * step)
     rate = np.convolve(energy, weights[::-1], mode="valid")
     assert np.abs(rate - power[3:-3]).max() < 1e-8 * np.abs(power).max()
+
+
+def test_aims_computed_ahead_change_nothing(along_the_ellipse):
+    """A rollout alone reads the desired motion from a table, a batch computes it stage by stage."""
+    state = jax.jit(lambda p: rollout(FULL, p, 1e-3, 200, Plan.alone(200)).state)(ellipse())
+    for mine, position in zip(state.position, along_the_ellipse.signals.position, strict=True):
+        np.testing.assert_allclose(mine, [x[200] for x in position], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(state.carriage, along_the_ellipse.signals.carriage[0][200], rtol=1e-12)
+
+
+def test_gradients_by_path_rail_timing_offset_and_force(along_the_eight):
+    """Reverse mode through the loop's right-hand side at one state, against central differences."""
+    at, start = jax.tree.map(lambda x: float(x[300]), along_the_eight.signals), eight()
+    independent = (*at.velocity[0][:3], *at.velocity[1][:3])
+    state = State(at.position, independent, ControllerState(*at.controller), carriage=at.carriage)
+    names = ("path", "rail", "rate", "offset", "force")
+
+    def slope(*x):
+        reference = start.reference._replace(
+            path=EIGHT._replace(xs=(3.0 + x[0], 0.0)),
+            timing=start.reference.timing._replace(rate=0.7 + x[2]),
+            offset=(0.7 + x[3], -0.7),
+            contact_force=start.reference.contact_force._replace(amplitude=5.0 + x[4]),
+        )
+        guide = start.plant.guide._replace(path=EIGHT._replace(ys=(0.0, 1.2 + x[1])))
+        model = build_model(start._replace(reference=reference, plant=start.plant._replace(guide=guide)))
+        rates, _ = closed_loop(FULL, model, 0.3, state)
+        return sum(x**2 for x in rates.velocity) + 1e3 * rates.controller.force_integral[0] ** 2
+
+    slopes = jax.grad(slope, tuple(range(len(names))))(*np.zeros(len(names)))
+    for i, name in enumerate(names):
+        step = 1e-5 * np.eye(len(names))[i]
+        difference = (slope(*step) - slope(*-step)) / 2e-5
+        assert float(slopes[i]) == pytest.approx(float(difference), rel=1e-6, abs=1e-7), name

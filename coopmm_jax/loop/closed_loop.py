@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 from coopmm_jax.algebra.types import PyTree, Scalar
 from coopmm_jax.control.controller import motion_control
@@ -10,8 +11,9 @@ from coopmm_jax.control.gain_schedule import in_force
 from coopmm_jax.control.reference import at_instant
 from coopmm_jax.loop.devices import device_rates
 from coopmm_jax.loop.force_loop import Instant, act, independent_velocity, observe
-from coopmm_jax.loop.form import Form
+from coopmm_jax.loop.form import Form, Packed
 from coopmm_jax.loop.integrate import rk4_step
+from coopmm_jax.loop.lookahead import at_stages, informed
 from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.plant import carriage_rate, expected_kinematics, plant_kinematics, rates_without_drift
@@ -49,7 +51,14 @@ def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> 
 
 
 def continuous_step(
-    structure: Structure, form: Form, model: PyTree, number: Scalar, t: Scalar, step: Scalar, state: PyTree
+    structure: Structure,
+    form: Form,
+    model: PyTree,
+    number: Scalar,
+    t: Scalar,
+    step: Scalar,
+    state: PyTree,
+    aims: Packed | None = None,
 ) -> tuple[PyTree, PyTree]:
     """One RK4 step of the closed loop, with the arguments of ``sampled_step``.
 
@@ -61,9 +70,14 @@ def continuous_step(
         t: its time [s].
         step: its length [s].
         state: at t.
+        aims: of a path at the begin, in the middle and at the end of the step (3, ...), if they are known ahead.
 
     Returns:
         The state at t + step, and the signals at t.
     """
     field = form.field(functools.partial(closed_loop, structure))
-    return rk4_step(functools.partial(field, model), t, step, state)
+
+    def at_stage(t: Scalar, state: PyTree, aim: Any = None) -> tuple[PyTree, PyTree]:
+        return field(informed(model, aim, t), t, state)
+
+    return rk4_step(at_stage, t, step, state, at_stages(aims))

@@ -19,14 +19,17 @@ _NODES = (0.0, 0.5, 0.5, 1.0)
 _WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 
 
-def rk4_step(field: Callable, t: Scalar, step: Scalar, state: PyTree) -> tuple[PyTree, PyTree]:
+def rk4_step(
+    field: Callable, t: Scalar, step: Scalar, state: PyTree, at_stages: PyTree = None
+) -> tuple[PyTree, PyTree]:
     """One classical Runge-Kutta step.
 
     Args:
-        field: (t, state) -> (rates, signals).
+        field: (t, state) -> (rates, signals), or (t, state, given) where something is given at each stage.
         t: time, scalar [s].
         step: scalar [s].
         state: pytree of scalars.
+        at_stages: pytree of arrays (4, ...), one entry for each stage; None: nothing is given.
 
     Returns:
         State at t + step, and signals at t: those of the first stage, so they cost nothing.
@@ -35,14 +38,16 @@ def rk4_step(field: Callable, t: Scalar, step: Scalar, state: PyTree) -> tuple[P
     0.904838
     """
 
-    def stage(carry: tuple, node_weight: tuple) -> tuple:
+    def stage(carry: tuple, entries: tuple) -> tuple:
         slope, total = carry
-        node, weight = node_weight
-        rates, signals = field(t + node * step, jax.tree.map(lambda x, k: x + node * step * k, state, slope))
+        node, weight, *given = entries
+        rates, signals = field(t + node * step, jax.tree.map(lambda x, k: x + node * step * k, state, slope), *given)
         return (rates, jax.tree.map(lambda x, k: x + weight * step * k, total, rates)), signals
 
     dtype = jnp.result_type(*jax.tree.leaves(state))
     table = (jnp.asarray(_NODES, dtype), jnp.asarray(_WEIGHTS, dtype))
+    if at_stages is not None:
+        table = (*table, at_stages)
     (_, total), signals = jax.lax.scan(recomputed(stage), (jax.tree.map(jnp.zeros_like, state), state), table)
     return total, jax.tree.map(lambda s: s[0], signals)
 
@@ -70,25 +75,31 @@ def rk4_hold(field: Callable, t: Scalar, step: Scalar, count: int, state: PyTree
 
 
 def scan_segments(
-    advance: Callable, carry: PyTree, segments: int, length: int, checkpoint: bool
+    advance: Callable, carry: PyTree, segments: int, length: int, checkpoint: bool, given: PyTree = None
 ) -> tuple[PyTree, PyTree]:
     """Run ``advance`` segments * length times and keep what the first step of each segment reports.
 
     Args:
-        advance: (carry, i) -> (carry, report) for step i.
+        advance: (carry, i) -> (carry, report) for step i; (carry, i, given) where something is given for each step.
         carry: at the start.
         segments: number of segments.
         length: steps of each segment.
         checkpoint: recompute segments in the reverse pass instead of keeping every step's intermediate values; pays
             off only under ``jax.grad``.
+        given: pytree of arrays (segments, length, ...), one entry for each step.
 
     Returns:
         Last carry, and the reports stacked along a leading axis of ``segments``.
     """
 
-    def segment(carry: PyTree, start: jax.Array) -> tuple[PyTree, PyTree]:
-        carry, reports = jax.lax.scan(advance, carry, start + jnp.arange(length, dtype=jnp.int32))
+    def one(carry: PyTree, entries: tuple) -> tuple[PyTree, PyTree]:
+        return advance(carry, *entries)
+
+    def segment(carry: PyTree, entries: tuple) -> tuple[PyTree, PyTree]:
+        start, *within = entries
+        carry, reports = jax.lax.scan(one, carry, (start + jnp.arange(length, dtype=jnp.int32), *within))
         return carry, jax.tree.map(lambda x: x[0], reports)
 
     body = recomputed(segment) if checkpoint else segment
-    return jax.lax.scan(body, carry, length * jnp.arange(segments, dtype=jnp.int32))
+    entries = (length * jnp.arange(segments, dtype=jnp.int32),)
+    return jax.lax.scan(body, carry, entries if given is None else (*entries, given))

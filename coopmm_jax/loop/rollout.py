@@ -22,11 +22,12 @@ from coopmm_jax.loop.closed_loop import continuous_step
 from coopmm_jax.loop.form import Form, Packed, Scalars, Vectors
 from coopmm_jax.loop.health import Health, judge
 from coopmm_jax.loop.integrate import recomputed, scan_segments
+from coopmm_jax.loop.lookahead import aims_ahead
 from coopmm_jax.loop.sampled_loop import sampled_step
 from coopmm_jax.loop.start import Start, initial_state
 from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics.model import Model, build_model
-from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.parameters import Parameters, PathReference, Structure
 from coopmm_jax.status import Status
 
 _START_TOLERANCE = 1e-9  # [m]
@@ -145,10 +146,10 @@ def rollout(
     one_step = functools.partial(sampled_step if structure.substeps else continuous_step, structure, form, model)
     settle = recomputed(functools.partial(_settle, form, observer, steps))  # keeps the inputs, each one vector
 
-    def advance(carry: tuple, i: jax.Array) -> tuple[tuple, PyTree]:
+    def advance(carry: tuple, i: jax.Array, aims: Packed | None = None) -> tuple[tuple, PyTree]:
         state, total, health = carry
         t = i.astype(dtype) * step
-        proposed, signals = one_step(i, t, step, state)
+        proposed, signals = one_step(i, t, step, state, aims)
         running = (health.status == 0) & (i <= steps)  # what the plan has room for beyond the horizon cannot fail
         now = judge(form.unpack(proposed), form.unpack(signals), start.determinants)
         status = jnp.where(running, now, health.status)
@@ -158,7 +159,10 @@ def rollout(
         return (state, total, Health(status, jnp.where(failed, i, health.step))), report
 
     carry = (form.pack(start.state), form.pack(jax.tree.map(jnp.asarray, observer.start)) if observer else None, health)
-    (state, total, health), reports = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint)
+    aims = None  # a batch does without: what it does not vary is computed once for all elements
+    if plan.packed and isinstance(parameters.reference, PathReference):
+        aims = aims_ahead(parameters.reference, step, plan.segments, plan.length, dtype)
+    (state, total, health), reports = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint, aims)
     return Rollout(form.unpack(state), form.unpack(total), health, reports.unpack() if record else None)
 
 

@@ -14,8 +14,9 @@ from coopmm_jax.control.gain_schedule import in_force
 from coopmm_jax.control.reference import at_instant, desired_force
 from coopmm_jax.loop.devices import Noise, draw_noise, sense, torque_rates
 from coopmm_jax.loop.force_loop import Instant, act, independent_velocity, observe
-from coopmm_jax.loop.form import Form
+from coopmm_jax.loop.form import Form, Packed
 from coopmm_jax.loop.integrate import recomputed, rk4_hold
+from coopmm_jax.loop.lookahead import at_begin, informed
 from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics import plant
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
@@ -42,7 +43,14 @@ class _Decision(NamedTuple):
 
 
 def sampled_step(
-    structure: Structure, form: Form, model: PyTree, sample: Scalar, t: Scalar, period: Scalar, state: PyTree
+    structure: Structure,
+    form: Form,
+    model: PyTree,
+    sample: Scalar,
+    t: Scalar,
+    period: Scalar,
+    state: PyTree,
+    aims: Packed | None = None,
 ) -> tuple[PyTree, PyTree]:
     """One control period: sample at t, act, integrate the robots under held torque by ``substeps`` RK4 steps.
 
@@ -56,12 +64,13 @@ def sampled_step(
         t: its time [s].
         period: control period [s].
         state: at t.
+        aims: of a path at the sample and after (3, ...), if they are known ahead.
 
     Returns:
         The state at t + period, and the signals at t, just after the torque has been set.
     """
     decide = form.field(functools.partial(_decide, structure, sample))
-    target, decision, signals = recomputed(decide)(model, t, state)
+    target, decision, signals = recomputed(decide)(informed(model, at_begin(aims), t), t, state)
     held = functools.partial(form.field(functools.partial(_driven, structure)), (model, target))
     step, (start,) = period / structure.substeps, form.lifted(_motion)(state)
     moved, forces = rk4_hold(held, t, step, structure.substeps, start)

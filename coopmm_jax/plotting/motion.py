@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from coopmm_jax.errors import UserError
 from coopmm_jax.mechanics.robot_kinematics import in_world
 from coopmm_jax.plotting import style
+from coopmm_jax.plotting.curves import guide_curve
 from coopmm_jax.plotting.lines import Run, longest, runs, time_panel
 
 if TYPE_CHECKING:
@@ -160,6 +161,9 @@ def paths_panel(axes: Axes, group: Sequence[Run]) -> None:
     for i in range(len(ROBOTS)):
         x, y = midpoints(reference.zeta_desired[kept, i]).T
         axes.plot(x, y, label="desired" if i == 0 else "_desired", **style.REFERENCE)
+    guide = guide_curve(reference.rows, reference.scenario.parameters())
+    if guide is not None:
+        axes.plot(*guide.T, label="guide of the object", color="0.75", linewidth=0.9, linestyle=(0, (4, 3)))
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")

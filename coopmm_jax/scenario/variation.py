@@ -23,7 +23,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Inertia, Parameters, Structure
+from coopmm_jax.parameters import Inertia, Parameters, PathReference, Structure
 from coopmm_jax.scenario import places
 from coopmm_jax.scenario.base import BaseScenario
 from coopmm_jax.scenario.kind_sections import KindSection, is_pair
@@ -100,13 +100,18 @@ class Variation(Generic[Varied]):
     def batch(self, points: np.ndarray, indices: Sequence[int]) -> Parameters:
         """Parameters of the samples ``indices`` (B,) at ``points`` (B, D): every leaf of shape (B,), for ``jax.vmap``.
 
+        Numbers of a reference along a path that do not vary have shape (): it is then computed once for all.
+
         Each sample has its own stream of measurement noise.
         """
         import jax
 
         parameters = self.parameters(points)
         hardware = parameters.hardware._replace(noise_stream=np.array(indices, dtype=float))
-        return jax.tree.map(lambda x: np.broadcast_to(x, len(indices)), parameters._replace(hardware=hardware))
+        many = jax.tree.map(lambda x: np.broadcast_to(x, len(indices)), parameters._replace(hardware=hardware))
+        if not isinstance(parameters.reference, PathReference):
+            return many
+        return many._replace(reference=jax.tree.map(np.asarray, parameters.reference))
 
     def sample(self, index: int, values: dict[str, float]) -> Varied:
         """Scenario of one sample, complete and certain, from its index and its numbers (scalars) by name.

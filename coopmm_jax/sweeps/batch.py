@@ -38,7 +38,7 @@ def run(program: Program, device: Device, elements: tuple[Any, ...], shared: tup
     Args:
         program: compiled if it has not been yet for this device and arguments of these shapes.
         device: to run on.
-        elements: arguments that each batch element has its own of: pytrees of NumPy arrays (B, ...).
+        elements: arguments that each batch element has its own of: pytrees of NumPy arrays (B, ...), () for all alike.
         shared: arguments that all have in common: pytrees of NumPy arrays.
     """
     with jax.enable_x64(_double((elements, shared))):  # of this thread only
@@ -139,7 +139,8 @@ def _executable(program: Program, device: Device, elements: tuple[Any, ...], sha
 def _compiled(program: Program, device: Device, elements: tuple[Any, ...], shared: tuple[Any, ...]) -> Any:
     place = jax.sharding.SingleDeviceSharding(device)
     described = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=place), (*elements, *shared))
-    axes = (0,) * len(elements) + (None,) * len(shared)
+    own = jax.tree.map(lambda x: 0 if x.shape else None, elements)
+    axes = (*own, *(None,) * len(shared))
     function = jax.vmap(functools.partial(program.function, *program.fixed), in_axes=axes)
     return jax.jit(function).lower(*described).compile(compiler_options=dict(program.options) or None)
 

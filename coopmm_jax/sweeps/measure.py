@@ -108,7 +108,7 @@ def _call(
 ) -> tuple[Program, Device, tuple, tuple]:
     """Arguments of ``batch.run``."""
     dtype = np.dtype(horizon.precision)
-    parameters = jax.tree.map(lambda x: np.ascontiguousarray(x, dtype), parameters)
+    parameters = jax.tree.map(lambda x: np.array(x, dtype, order="C"), parameters)
     extent = (np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32))
     return Program(function, (structure, plan, registered())), device, (parameters,), extent
 
