@@ -45,6 +45,7 @@ SMALL = {
     "coopmm report results/sensed.zarr": [],
     "coopmm simulate --from results/sensed.zarr --sample 12": [],
     "coopmm simulate --help": [],
+    "coopmm simulate ellipse --reference.path.half-width 1.4 --out results/ellipse": SHORT,
     "python -m experiments.reproduce_paper": ["--duration", "0.05"],
     "python -m experiments.paper_checks": ["u26"],
     "python -m experiments.fingerprints": shlex.split("--scenarios paper --parts trajectory"),
