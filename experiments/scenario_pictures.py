@@ -1,4 +1,4 @@
-"""Pictures of shipped scenarios for the documentation: a flat surface, and a tip that is knocked off a stiff one.
+"""Pictures of shipped scenarios for the documentation: paths, a flat surface, a tip knocked off a stiff one.
 
     python -m experiments.scenario_pictures [--out docs]
 
@@ -26,7 +26,7 @@ KNOCKED = (3.95, 4.45)  # [s], when the tip of `compliant` is off the surface, a
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write ``flat.png`` and ``compliant.png``.
+    """Write ``flat.png``, ``compliant.png`` and one picture for each path.
 
     Args:
         argv: the arguments; by default those of the process, which is then taken to run nothing else.
@@ -44,6 +44,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with result_folder(folder) as results:
             plotting.save(frame(cm.simulate("flat"), 9.0), results / "flat.png")
+            for name in ("ellipse", "eight", "waypoints"):
+                plotting.save(plotting.platform_paths(cm.simulate(name)), results / f"{name}.png")
             compared = {f"K_lambda = {gain:g}": knocked.with_overrides({"gains.K_lambda": gain}) for gain in (0.3, 1.0)}
             plotting.save(gaps({label: cm.simulate(one) for label, one in compared.items()}), results / "compliant.png")
     except (cm.UserError, OSError) as error:  # OSError: a disk that fills up
