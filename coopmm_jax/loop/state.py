@@ -35,7 +35,7 @@ class Signals(NamedTuple):
     commanded: Pair[Vector]  # likewise, before limits and lag
     constraint_residual: Vector  # phi (m,) [m]
     tip: Pair[Vector]  # lateral, forward (from the world's origin, platform axes) and height of each tip [m]
-    contact_point: Vector  # D = p1 - C along arm II and across it [m]
+    contact_point: Vector  # tip I from the arc's centre, else from the object, along arm II and across it [m]
     determinants: tuple[Scalar, ...]  # singular arm where one vanishes
     carriage: Vector = ()  # (1,) of a rail
     aim: Aim | None = None  # desired motion along a path; None of a circle
