@@ -81,7 +81,9 @@ class Trajectory:
     constraint_residual: np.ndarray = field(metadata=_array("t row", "m", "constraint residuals phi"))
     tip: np.ndarray = field(metadata=_array("t robot axis", "m", "tips in the world; that of robot II is the object"))
     contact_point: np.ndarray = field(
-        metadata=_array("t arm_axis", "m", "tip I from the arc's centre, or from the object of another surface, along arm II")
+        metadata=_array(
+            "t arm_axis", "m", "tip I from the arc's centre, else from the object, along arm II and across it"
+        )
     )
     carriage: np.ndarray = field(
         metadata=_array("t rail", "-", "carriage of the object's rail, a phase of its path; of no rail, none")
