@@ -39,7 +39,7 @@ def scenarios() -> dict[str, Scenario]:
     return found
 
 
-def programs(scenario: Scenario) -> dict[str, tuple[float, Callable[[], Any]]]:
+def _programs(scenario: Scenario) -> dict[str, tuple[float, Callable[[], Any]]]:
     """Seconds to compile, and one run, of each program by name."""
     structure, parameters = scenario.structure(), as_scalars(scenario.parameters(), jnp.float64)
     force = Observer(jnp.zeros(()), lambda total, t, s: total + s.force_error[0] ** 2)
@@ -51,20 +51,20 @@ def programs(scenario: Scenario) -> dict[str, tuple[float, Callable[[], Any]]]:
         return cost(parameters._replace(gains=gains), Plan.gradient(GRADIENT), GRADIENT)
 
     return {
-        "one rollout": compiled(lambda p: cost(p, Plan.alone(ALONE), ALONE), parameters),
-        "gradient": compiled(jax.value_and_grad(by_gains), parameters.gains),
-        "batch of a sweep": swept(structure, scenario),
+        "one rollout": _compiled(lambda p: cost(p, Plan.alone(ALONE), ALONE), parameters),
+        "gradient": _compiled(jax.value_and_grad(by_gains), parameters.gains),
+        "batch of a sweep": _swept(structure, scenario),
     }
 
 
-def compiled(function: Callable, argument: Any) -> tuple[float, Callable[[], Any]]:
+def _compiled(function: Callable, argument: Any) -> tuple[float, Callable[[], Any]]:
     """Seconds to compile a function, and its run."""
     start = time.perf_counter()
     executable = jax.jit(function).lower(argument).compile()
     return time.perf_counter() - start, lambda: jax.block_until_ready(executable(argument))
 
 
-def swept(structure: Structure, scenario: Scenario) -> tuple[float, Callable[[], Any]]:
+def _swept(structure: Structure, scenario: Scenario) -> tuple[float, Callable[[], Any]]:
     """Seconds until the first batch of a sweep has run, and one batch of 1 s."""
     from coopmm_jax.scenario.variation import vary
 
@@ -88,7 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rounds = parser.parse_args(arguments).rounds
     runtime.use_fast_compilation(batches=True)
     with jax.enable_x64(True):
-        made = {name: programs(scenario) for name, scenario in scenarios().items()}
+        made = {name: _programs(scenario) for name, scenario in scenarios().items()}
         times: dict[tuple[str, str], list[float]] = {}
         for _ in range(rounds + 1):
             for name, each in made.items():
