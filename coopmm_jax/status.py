@@ -32,7 +32,7 @@ class Status(enum.IntEnum):
 _MESSAGES = {
     Status.OK: "completed",
     Status.SPEED: f"a velocity u left +-{SPEED_LIMIT:g} (rad/s, m/s) or is not finite",
-    Status.CONTROLLER: f"a controller state (eta, c_hat or an integral) left +-{CONTROLLER_LIMIT:g} or is not finite",
+    Status.CONTROLLER: f"a state of the controller, as an integral, left +-{CONTROLLER_LIMIT:g} or is not finite",
     Status.SINGULAR_CONTACT: "arm of robot I became singular for its contact rows (determinant of J_dep)",
     Status.SINGULAR_GUIDE: "arm of robot II became singular for its guide rows (determinant of J_dep)",
     Status.UNREACHABLE: "no start configuration meets the constraint rows: an arm cannot reach its contact or guide",

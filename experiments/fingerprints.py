@@ -14,7 +14,7 @@ import hashlib
 import inspect
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -40,7 +40,16 @@ def digest(*arrays: Any) -> str:
 def trajectory(scenario: cm.Scenario) -> str:
     """Digest of one second of the scenario: every recorded array, and the metrics."""
     run = cm.simulate(scenario.with_overrides({"simulation.duration": 1.0}))
-    return digest(*(a for a in vars(run).values() if isinstance(a, np.ndarray)), list(run.metrics.values()))
+    return digest(*_arrays(vars(run).values()), list(run.metrics.values()))
+
+
+def _arrays(values: Iterable[Any]) -> Iterator[np.ndarray]:
+    """Arrays of a run, with those of its controller in their place."""
+    for value in values:
+        if isinstance(value, np.ndarray):
+            yield value
+        elif isinstance(value, dict):
+            yield from _arrays(value.values())
 
 
 def sweep(scenario: cm.Scenario) -> str:

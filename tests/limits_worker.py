@@ -22,7 +22,7 @@ RELATIVE_STEP = 1e-5  # of central differences: small enough that hardly a sampl
 def sample_cost(total, t, signals):
     """Mean square of force errors [N^2] and sigma, and the largest torque as a share of its actuator's limit."""
     cost, largest = total
-    error = sum(e**2 for e in signals.force_error) + 100.0 * sum(s**2 for s in signals.sigma)
+    error = sum(e**2 for e in signals.force_error) + 100.0 * sum(s**2 for s in signals.computed["sigma"])
     for robot in signals.torque:
         for torque, kind in zip(robot, ("wheel",) * 2 + ("joint",) * 3, strict=True):
             largest = jnp.maximum(largest, jnp.abs(torque) / LIMIT[kind])

@@ -6,8 +6,8 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax.control.controller import ControllerState
 from coopmm_jax.control.reference import desired_motion
+from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.kinds.disturbances import Disturbance, Sine
 from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.state import State

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from coopmm_jax.control import adaptive, backstepping, force, reference
-from coopmm_jax.control.controller import ControllerState, motion_control
+from coopmm_jax.control.controller import Seen, known_to_controller
+from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.kinds.disturbances import Disturbance, Sine
 from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.state import State
@@ -66,7 +67,8 @@ class Case:
 
     def simulated_command(self, law):
         k = kinematics(self.model, ALL_ROWS, self.state.position, self.independent)
-        return motion_control(law, self.model, T, k, self.independent, self.state.controller)
+        seen = Seen(law, known_to_controller(self.model), T, k, self.independent)
+        return self.model.gains.command(seen, self.state.controller)
 
     def expected_command(self, law):
         return control_law.motion_control(law, self.parameters, T, self.q, self.u, self.controller)
@@ -177,7 +179,9 @@ def test_filtered_error_dynamics(law):
     parameters = case.parameters._replace(nominal=case.parameters.plant.inertia)
     model = build_model(parameters)
     flow = closed_loop(law, model, T, case.state)[0]
-    sigma, rate = jax.jvp(lambda t, state: closed_loop(law, model, t, state)[1].sigma, (T, case.state), (1.0, flow))
+    sigma, rate = jax.jvp(
+        lambda t, state: closed_loop(law, model, t, state)[1].computed["sigma"], (T, case.state), (1.0, flow)
+    )
     command = control_law.motion_control(law, parameters, T, case.q, case.u, case.controller)
     Mr, _ = lagrangian.reduced_terms(ALL_ROWS, case.terms)
     L, _ = lagrangian.velocity_basis(ALL_ROWS, case.terms)
@@ -190,10 +194,12 @@ def test_filtered_error_dynamics(law):
 def test_motion_control(case, law):
     command, expected = case.simulated_command(law), case.expected_command(law)
     assert_close(joined(command.force), expected.force, 5e-14)
-    assert_close(vector(command.sigma), expected.sigma, 7e-15)
-    assert_close(vector(command.integral_rate), expected.integral_rate, 3e-15)
-    assert_close(vector(command.eta_rate), expected.eta_rate, 3e-15)
-    assert_close(vector(command.c_hat_rate), expected.c_hat_rate, 6e-15)
+    rates = command.rates((1.0, 2.0, 3.0, 4.0))
+    assert_close(vector(command.signals["sigma"]), expected.sigma, 7e-15)
+    assert_close(vector(rates.integral), expected.integral_rate, 3e-15)
+    assert_close(vector(rates.eta), expected.eta_rate, 3e-15)
+    assert_close(vector(rates.c_hat), expected.c_hat_rate, 6e-15)
+    assert rates.force_integral == (1.0, 2.0, 3.0, 4.0)
     L, _ = lagrangian.velocity_basis(ALL_ROWS, case.terms)
     assert_close(L.T @ joined(command.force), expected.U1 + expected.U2, 6e-14)
 
@@ -264,8 +270,9 @@ def test_force_error_closes_the_algebraic_loop():
     rng = np.random.default_rng(0)
     gains = random_gains(rng)
     free, desired, integral = (tuple(rng.uniform(-20, 20, 4).tolist()) for _ in range(3))
-    error = force.ideal_force_error(gains, free, desired, integral)
-    lambda_h = vector(force.force_command(gains, desired, error, integral))
+    feedback = force.pi_feedback(gains.K_lambda, gains.K_I, integral)
+    error = force.ideal_force_error(feedback, free, desired)
+    lambda_h = vector(force.force_command(feedback, desired, error))
     K_lambda, K_I = np.array(gains.K_lambda), np.array(gains.K_I)
     assert_close(lambda_h, np.array(desired) - K_lambda * vector(error) - K_I * np.array(integral), 1e-15)
     assert_close(vector(error) + np.array(desired), np.array(free) + lambda_h - np.array(desired), 1e-15)

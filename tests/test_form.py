@@ -31,7 +31,9 @@ def spring_rates(constants, t, state):
     stiffness, (damping, push) = constants[0]["stiffness"], constants[1]
     force = -stiffness * sum(state.at) - damping * state.speed + push * t
     idle = (jnp.exp(force), state.speed)
-    signals = Signals(**dict.fromkeys(Signals._fields, ()) | {"constraint_force": (force,), "sigma": idle})
+    signals = Signals(
+        **dict.fromkeys(Signals._fields, ()) | {"constraint_force": (force,), "computed": {"sigma": idle}}
+    )
     return Spring((state.speed, 2.0 * state.speed), force), signals
 
 
@@ -73,7 +75,7 @@ def test_only_what_is_read_is_packed(vectors):
     assert packed.values.shape == (1,)
     back = vectors.unpack(packed)
     assert float(back.constraint_force[0]) == pytest.approx(float(signals.constraint_force[0]), rel=1e-15)
-    assert [float(x) for x in back.sigma] == [0.0, 0.0]
+    assert [float(x) for x in back.computed["sigma"]] == [0.0, 0.0]
 
 
 def test_arrays_stay_apart_and_keep_their_shape():
@@ -90,7 +92,7 @@ def test_totals_keep_their_types():
 
     def update(total, t, signals):
         count, ever, largest = total
-        return count + 1, ever | (t > 1.5e-3), jnp.maximum(largest, jnp.abs(signals.sigma[0]))
+        return count + 1, ever | (t > 1.5e-3), jnp.maximum(largest, jnp.abs(signals.computed["sigma"][0]))
 
     observer = Observer((jnp.int32(0), jnp.asarray(False), jnp.zeros(())), update)
     plans = [Plan(1, 4, packed=packed) for packed in (False, True)]

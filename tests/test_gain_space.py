@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.parameters import Gains
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import load_scenario
-from coopmm_jax.scenario.sections.tuning import Bounds
 from tuning.cost.gain_space import gain_space
 
-ALL = {"tuning": {"gains": list(Bounds.model_fields)}, "law": {"delta_floor": 0.1}}
+ALL = {"tuning": {"gains": list(Gains._fields)}, "law": {"delta_floor": 0.1}}
 
 
 @pytest.mark.parametrize("channels", ["separate", "shared"])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax.control.controller import ControllerState
+from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.disturbances import Disturbance
 from coopmm_jax.loop.closed_loop import closed_loop

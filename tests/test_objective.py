@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from coopmm_jax.scenario.sections.tuning import Bounds
+from coopmm_jax.parameters import Gains
 from tests import tuning_worker
 from tests.workers import run_worker
 from tuning.cost.objective import TERMS
@@ -17,7 +17,7 @@ def results():
 
 
 def test_every_tunable_gain_is_there_and_matters(results):
-    assert results["names"] == list(Bounds.model_fields)
+    assert results["names"] == list(Gains._fields)
     assert np.all(np.any(np.array(results["gradient"]) != 0.0, axis=0))
 
 

@@ -57,12 +57,13 @@ def failed(run):
 
 def resampled(run, samples, **changes):
     """A run whose arrays over time have another length."""
-    arrays = {
-        name: np.resize(value, (samples, *value.shape[1:]))
-        for name, value in vars(run).items()
-        if isinstance(value, np.ndarray) and len(value) == len(run.t)
-    }
-    return dataclasses.replace(run, **arrays | {"t": 1e-3 * np.arange(samples)} | changes)
+
+    def longer(values):
+        over_time = (item for item in values.items() if isinstance(item[1], np.ndarray) and len(item[1]) == len(run.t))
+        return {name: np.resize(value, (samples, *value.shape[1:])) for name, value in over_time}
+
+    arrays = longer(vars(run)) | {"controller": longer(run.controller), "t": 1e-3 * np.arange(samples)}
+    return dataclasses.replace(run, **arrays | changes)
 
 
 def drawn(figure):
@@ -222,7 +223,7 @@ def test_thinned_lines_keep_every_peak(run):
     long = resampled(run, 20001)
     spike = long.c_hat.copy()
     spike[12345, 0], spike[777, 0] = 50.0, -50.0
-    figure = plotting.adaptation(dataclasses.replace(long, c_hat=spike))
+    figure = plotting.adaptation(dataclasses.replace(long, controller=long.controller | {"c_hat": spike}))
     t, y = figure.axes[0].lines[0].get_data()
     assert len(t) <= lines.POINTS + 2
     assert (t[y.argmax()], y.max(), t[y.argmin()], y.min()) == (long.t[12345], 50.0, long.t[777], -50.0)

@@ -8,13 +8,13 @@ import pytest
 import coopmm_jax as cm
 from coopmm_jax.metrics.table import METRICS, WHOLE
 from coopmm_jax.runs import simulation
-from coopmm_jax.runs.trajectory import ARRAYS, Trajectory
+from coopmm_jax.runs.trajectory import Trajectory
 
 SIZES = {"t": 1001, "row": 4, "independent": 6, "independent_arm": 2}
 
 
 def arrays(run):
-    return {name: getattr(run, name) for name in ARRAYS}
+    return {name: getattr(run, name) for name in run.arrays}
 
 
 def changed(run, **overrides):
@@ -23,7 +23,7 @@ def changed(run, **overrides):
 
 def test_shapes_are_the_documented_ones(simulated_paper):
     labels = simulated_paper.to_xarray().sizes
-    for name, about in ARRAYS.items():
+    for name, about in simulated_paper.arrays.items():
         value = getattr(simulated_paper, name)
         assert value.shape == tuple(SIZES.get(dim, labels[dim]) for dim in about["dims"]), name
         assert value.dtype == np.float64
@@ -51,7 +51,7 @@ def test_packed_rollout_is_the_plain_one(simulated_paper, paper_run):
     """``simulate`` carries vectors; ``paper_run`` carries scalars."""
     plain, samples = paper_run.signals, len(simulated_paper.t)
     for mine, other in (
-        (simulated_paper.sigma, plain.sigma),
+        (simulated_paper.sigma, plain.computed["sigma"]),
         (simulated_paper.c_hat, plain.controller.c_hat),
         (simulated_paper.constraint_force, plain.constraint_force),
         (simulated_paper.torque, plain.torque),
@@ -150,7 +150,7 @@ def test_sparse_recording_keeps_the_same_samples_and_metrics(simulated_paper, ev
     assert len(every_seventh.t) == 143
     for name, value in arrays(every_seventh).items():
         expected = getattr(dense, name)
-        expected = expected[::7] if "t" in ARRAYS[name]["dims"] else expected
+        expected = expected[::7] if "t" in dense.arrays[name]["dims"] else expected
         size = np.abs(expected).max(initial=1.0)
         np.testing.assert_allclose(value, expected, rtol=0, atol=1e-14 * size, err_msg=name)
     assert every_seventh.metrics == pytest.approx(dense.metrics, rel=1e-14, abs=0)
@@ -185,7 +185,7 @@ def test_scenario_by_path_and_bad_precision(simulated_paper, tmp_path):
 
 def test_to_xarray(simulated_paper):
     data = simulated_paper.to_xarray()
-    assert set(ARRAYS) == set(map(str, data.data_vars)) | {"t"}
+    assert set(simulated_paper.arrays) == set(map(str, data.data_vars)) | {"t"}
     chosen = data.torque.sel(robot="II", actuator="left_wheel", t=0.5)
     assert chosen == simulated_paper.torque[500, 1, 1]
     assert data.sigma.sel(independent="II_a1_rate")[-1] == simulated_paper.sigma[-1, 5]

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.loop.health import judge, within
 from coopmm_jax.status import CONTROLLER_LIMIT, SINGULAR_FRACTION, SPEED_LIMIT, Status
 
@@ -12,7 +13,7 @@ NAN = float("nan")
 
 def verdict(velocity=0.0, eta=0.0, determinants=(1.0, 1.0)):
     """Of a step from determinants (-2, 4) at the start, as a fraction of them, to one velocity and one eta."""
-    controller = SimpleNamespace(integral=(0.0, 0.0), eta=(eta, 0.0), c_hat=(1.0,) * 5, force_integral=(0.0,) * 4)
+    controller = ControllerState((0.0, 0.0), (eta, 0.0), (1.0,) * 5, (0.0,) * 4)
     proposed = SimpleNamespace(velocity=(0.0, velocity), controller=controller)
     start = (-2.0, 4.0)
     signals = SimpleNamespace(determinants=tuple(x * y for x, y in zip(determinants, start, strict=True)))

@@ -8,7 +8,6 @@ import pytest
 import coopmm_jax as cm
 from coopmm_jax.errors import UserError
 from coopmm_jax.runs.store import read_run, write_run
-from coopmm_jax.runs.trajectory import ARRAYS
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +23,7 @@ def test_run_is_read_as_it_was_written(failing, run, tmp_path):
     run.metrics["settling_time"] = math.nan  # as null in the file
     write_run(tmp_path, run.scenario, run)
     read = read_run(tmp_path)
-    for name in ARRAYS:
+    for name in run.arrays:
         np.testing.assert_array_equal(getattr(read, name), getattr(run, name), strict=True)
     assert (read.status, read.status_time, read.scenario) == (run.status, run.status_time, run.scenario)
     np.testing.assert_equal(read.metrics, run.metrics)

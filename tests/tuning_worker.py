@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coopmm_jax.parameters import Gains
 from coopmm_jax.scenario.scenario import load_scenario
-from coopmm_jax.scenario.sections.tuning import Bounds
 from tests.workers import start_worker
 from tuning.cost import evaluate
 from tuning.cost.objective import TERMS
@@ -24,7 +24,7 @@ SCENARIO = {
     "simulation": {"duration": HORIZON},
     "uncertainty": {"disturbance.scale": {"distribution": "uniform", "low": 1.0, "high": 4.0}},
     "tuning": {
-        "gains": list(Bounds.model_fields),
+        "gains": list(Gains._fields),
         "channels": "shared",
         "tracking_from": 0.03,
         "validation_samples": 4,

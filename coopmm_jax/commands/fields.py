@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args, get_origin
 from coopmm_jax.kinds import registry
 from coopmm_jax.scenario.kind_sections import Chosen, choice_of, section
 from coopmm_jax.scenario.scenario import Scenario
+from coopmm_jax.scenario.sections.controller import GainsSection, all_controllers, gains_section
 
 OVERRIDES = "[--section.field VALUE ...]"
 
@@ -16,9 +17,11 @@ def fields_help() -> str:
     lines = ["overrides, after SCENARIO (values are TOML; several values make a list, one number fills a list):"]
     told: dict[str, str] = {}
     for name, info in Scenario.model_fields.items():
-        if hasattr(info.annotation, "model_fields"):
+        if info.annotation is GainsSection:
+            lines += ["", GainsSection.__doc__ or "[gains]:", *_of_controllers(told)]
+        elif hasattr(info.annotation, "model_fields"):
             lines += ["", info.annotation.__doc__ or f"[{name}]:"]  # Python may leave docstrings out
-            lines += _of_section(name, info.annotation, told)
+            lines += _of_section(name, type(info.default), told)  # of the default controller, if there are several
         elif choice := choice_of(info):
             lines += ["", choice.base.__doc__ or f"[{name}]:", *_of_kinds(name, info, choice, told)]
     return "\n".join(lines)
@@ -32,6 +35,15 @@ def _of_section(path: str, section: Any, told: dict[str, str], *without: str) ->
             lines += _of_kinds(place, info, choice, told)
         elif name not in without:
             lines.append(_line(place, info))
+    return lines
+
+
+def _of_controllers(told: dict[str, str]) -> list[str]:
+    """Lines on the gains of each controller."""
+    lines = []
+    for name in all_controllers():
+        section = gains_section(name)
+        lines += [f"  {section.__doc__}", *_of_section("gains", section, told)]
     return lines
 
 

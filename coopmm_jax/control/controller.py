@@ -1,93 +1,92 @@
-"""The robust adaptive motion controller: its state, and its command at one instant, (18)-(24)."""
+"""What a controller sees, and what it answers: the types of the protocol that ``kinds/controllers.py`` declares.
+
+A controller is a NamedTuple of its gains, in ``Parameters.gains``. It computes a generalised force F on all joints; the
+torque is B tau = F - J^T lambda_h, and lambda_h = lambda_d less what its ``ForceFeedback`` makes of the force error.
+That is linear in the error because with ideal force measurement the error depends on the torque at once: the loop has
+to be solved, and is so in one division for each row. Its state is integrated with everything else, in continuous time
+or by one Euler step for each sample; the loop asks nothing else of it.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
-from coopmm_jax.algebra.matrix import minus
-from coopmm_jax.algebra.types import Pair, Scalar, Vector
-from coopmm_jax.control import adaptive, backstepping, motion
-from coopmm_jax.control.gain_schedule import rate
-from coopmm_jax.control.reference import Desired, desired_motion
+from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
+from coopmm_jax.kinds.controllers import Signal, signals_of
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.model import Model
-from coopmm_jax.mechanics.partitioning import split
+from coopmm_jax.mechanics.partitioning import partition
 from coopmm_jax.mechanics.robot import PLATFORM, ROBOTS, per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position, position_rates
-from coopmm_jax.parameters import Gains, Structure
+from coopmm_jax.mechanics.robot_kinematics import actuator_force
+from coopmm_jax.parameters import Structure
 
 
-class ControllerState(NamedTuple):
-    """State of the controller; also used for its rates."""
+class Freedom(NamedTuple):
+    """Numbers that a controller's state depends on."""
 
-    integral: Vector  # I of the independent arm joints [rad], Idot = utilde
-    eta: Pair[Scalar]  # of (15) [rad/s]
-    c_hat: Vector  # (5,), bound estimates
-    force_integral: Vector  # E (m,) [N s], Edot = e_lambda
+    velocities: int  # n, the independent ones
+    rows: int  # m, of the constraints
 
+    @classmethod
+    def of(cls, structure: Structure) -> Freedom:
+        """Numbers of the rows that the controller takes for in force."""
+        return cls(sum(map(len, partition(structure.rows).independent)), len(structure.rows))
 
-class MotionCommand(NamedTuple):
-    """Force that the motion controller asks for, and the rates of its state."""
-
-    force: Pair[Vector]  # F on all joints of each robot (5,), with L^T F = U1 + U2
-    sigma: Vector
-    integral_rate: Vector
-    eta_rate: Pair[Scalar]
-    c_hat_rate: Vector
-
-    def rates(self, force_error: Vector) -> ControllerState:
-        """Rates of the controller's state under a measured force error e_lambda (m,) [N]."""
-        return ControllerState(self.integral_rate, self.eta_rate, self.c_hat_rate, force_error)
+    @property
+    def arm_joints(self) -> int:
+        """Number of independent arm joints of both robots."""
+        return self.velocities - ROBOTS * PLATFORM
 
 
-def at_rest(gains: Gains, velocities: int, rows: int, zero: Scalar) -> ControllerState:
-    """State at the start: integrals and eta at zero, bounds at their initial estimates (5,).
+class Seen(NamedTuple):
+    """All that a controller knows at one instant."""
+
+    structure: Structure  # the rows in force, and choices of [law]
+    model: Model  # its own: geometry, nominal masses, reference, gains; not the plant's masses, nor what disturbs it
+    t: Scalar  # [s]
+    k: Kinematics  # at the measured position and velocity
+    independent: Vector  # u^1 (n,), as measured
+
+
+class Command(NamedTuple):
+    """Answer of a controller at one instant."""
+
+    force: Pair[Vector]  # F on all joints of each robot (5,)
+    rates: Callable[[Vector], PyTree]  # measured force error e_lambda (m,) [N] -> rates of the controller's state
+    signals: Mapping[str, Vector | Scalar]  # what it declares as its signals and does not have in its state
+
+
+def known_to_controller(model: Model) -> Model:
+    """The model without the plant's masses, disturbances and devices: None in their places."""
+    nothing: Any = None
+    return model._replace(plant=nothing, disturbance=nothing, hardware=nothing)
+
+
+def from_torque(seen: Seen, torque: Pair[Vector]) -> Pair[Vector]:
+    """Generalised force B tau (5,) of each robot, for a controller that thinks in torques tau (5,) [N m]."""
+    return per_robot(actuator_force, seen.model.geometry, seen.k.bodies.position, torque)
+
+
+def recorded(gains: Any, state: PyTree, computed: Mapping[str, Vector | Scalar]) -> dict[str, Vector | Scalar]:
+    """Signals of a controller by name: those that it has computed, and parts of its state.
 
     Args:
-        gains: of the rollout.
-        velocities: number n of independent velocities.
-        rows: number m of constraint rows.
-        zero: a scalar of the rollout's dtype.
+        gains: of the controller.
+        state: its own.
+        computed: the ``signals`` of its command.
     """
-    return ControllerState((zero,) * (velocities - ROBOTS * PLATFORM), (zero, zero), gains.c_hat0, (zero,) * rows)
+    return {name: computed[name] if name in computed else getattr(state, name) for name in signals_of(gains)}
 
 
-def motion_control(
-    structure: Structure, model: Model, t: Scalar, k: Kinematics, independent: Vector, state: ControllerState
-) -> MotionCommand:
-    """(18)-(24) with the nominal model, and the generalised force F on all joints.
+def estimates_of(gains: Any, state: PyTree) -> Vector:
+    """Estimates of the uncertainty (n,); () of a controller without."""
+    return gains.estimates(state) if hasattr(gains, "estimates") else ()
 
-    Args:
-        structure: static choices.
-        model: gains, reference and nominal model.
-        t: time [s].
-        k: kinematics at the measured state.
-        independent: u^1 (n,), as measured.
-        state: of the controller.
-    """
-    gains, part, position = model.gains, k.reduction.part, k.bodies.position
-    targets = desired_motion(model.reference, t)
 
-    def eta_rate(desired: Desired, at: Position, eta: Scalar) -> Scalar:
-        return backstepping.eta_rate(gains, desired, at, eta)
-
-    eta_rates = per_robot(eta_rate, targets, position, state.eta)
-    rates = per_robot(position_rates, position, k.velocity)
-    z, z_rate = motion.reference_and_rate(model, part, (t, position, state.eta), rates, eta_rates)
-    K_u_rate = rate("K_u", model.schedule, t)
-    errors = motion.motion_errors(gains, part, z, z_rate, independent, state.integral, K_u_rate)
-    damping = tuple(gain * s for gain, s in zip(gains.K_sigma, errors.sigma, strict=True))
-    acceleration = minus(errors.nu_rate, damping)
-    first, second = split(part, errors.utilde)
-
-    f = motion.regressors(k, acceleration, independent)
-    one, two = per_robot(lambda d, p: backstepping.coupling_signal(gains, d, p), targets, position)
-    platform_error = first[:PLATFORM] + second[:PLATFORM]
-    U2 = adaptive.robust_force(structure, gains, f, errors.sigma, state.c_hat, platform_error, one + two, t)
-    return MotionCommand(
-        force=motion.on_all_joints(structure, k.reduction, motion.nominal_force(model, k, acceleration), U2),
-        sigma=errors.sigma,
-        integral_rate=first[PLATFORM:] + second[PLATFORM:],
-        eta_rate=eta_rates,
-        c_hat_rate=adaptive.adaptation(gains, f, errors.sigma, state.c_hat, t),
-    )
+def entries_of(signal: Signal, freedom: Freedom) -> int | None:
+    """Number of entries of a signal; None where it is one number."""
+    if signal.per is None or isinstance(signal.per, tuple):
+        return None if signal.per is None else len(signal.per)
+    counts = {"independent": freedom.velocities, "independent_arm": freedom.arm_joints, "row": freedom.rows}
+    return counts.get(signal.per, {"bound": 5, "robot": ROBOTS}.get(signal.per))

@@ -15,10 +15,10 @@ import jax
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.types import Scalar, Vector
-from coopmm_jax.parameters import Gains, Schedule
+from coopmm_jax.parameters import Schedule
 
 
-def in_force(gains: Gains, schedule: Schedule | None, t: Scalar) -> Gains:
+def in_force(gains: Any, schedule: Schedule | None, t: Scalar) -> Any:
     """Gains at t [s]: those of the schedule where it has them."""
     if schedule is None:
         return gains

@@ -45,6 +45,7 @@ class Quantity(NamedTuple):
     at_least: float | None = None
     below: float | None = None
     at_most: float | None = None
+    more: Any = None  # what the kind's group wants to know besides
 
 
 def quantity(
@@ -65,6 +66,12 @@ def quantity(
         at_most: the number has to be this or less.
     """
     return Quantity(meaning, above, at_least, below, at_most)
+
+
+def bounds_of(about: Quantity) -> dict[str, float]:
+    """Bounds of a number, as pydantic names them."""
+    given = {"gt": about.above, "ge": about.at_least, "lt": about.below, "le": about.at_most}
+    return {name: bound for name, bound in given.items() if bound is not None}
 
 
 class Field(NamedTuple):

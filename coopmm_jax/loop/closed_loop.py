@@ -6,7 +6,7 @@ import functools
 from typing import Any
 
 from coopmm_jax.algebra.types import PyTree, Scalar
-from coopmm_jax.control.controller import motion_control
+from coopmm_jax.control.controller import Seen, known_to_controller
 from coopmm_jax.control.gain_schedule import in_force
 from coopmm_jax.control.reference import at_instant
 from coopmm_jax.loop.devices import device_rates
@@ -38,7 +38,7 @@ def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> 
     if structure.features.surface_motion or structure.compliant:
         seen = expected_kinematics(structure, model, t, state.position, independent, state.carriage)
     now = Instant(structure, model, t, truth, seen, state)
-    command = motion_control(structure, model, t, seen, independent, state.controller)
+    command = model.gains.command(Seen(structure, known_to_controller(model), t, seen, independent), state.controller)
     action = act(now, command)
     rates = State(
         rates_without_drift(truth),
@@ -47,7 +47,7 @@ def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> 
         device_rates(structure, model, action.target, action.moved.multipliers, state.devices),
         carriage_rate(structure, model, truth),
     )
-    return rates, observe(now, command.sigma, action)
+    return rates, observe(now, command, action)
 
 
 def continuous_step(

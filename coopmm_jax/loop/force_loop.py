@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from coopmm_jax.algebra.matrix import minus, plus
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
-from coopmm_jax.control.controller import MotionCommand
-from coopmm_jax.control.force import force_command, ideal_force_error
+from coopmm_jax.control.controller import Command
+from coopmm_jax.control.force import ForceFeedback, force_command, ideal_force_error
 from coopmm_jax.control.path_motion import Known
 from coopmm_jax.control.reference import desired_force
 from coopmm_jax.loop.devices import biased, ideal_sensing, limited
@@ -40,7 +40,7 @@ def independent_velocity(structure: Structure, truth: Kinematics, state: State) 
     return parted(partition(structure.rows), truth.velocity)[0]
 
 
-def act(now: Instant, command: MotionCommand) -> Action:
+def act(now: Instant, command: Command) -> Action:
     """Torques and accelerations from the motion controller's force and the measured contact force.
 
     A sensor that is late shows a force of the past, and actuators that lag still exert a torque of the past; only where
@@ -53,24 +53,24 @@ def act(now: Instant, command: MotionCommand) -> Action:
     return _at_once(now, command)
 
 
-def _with_late_sensor(now: Instant, command: MotionCommand) -> Action:
+def _with_late_sensor(now: Instant, command: Command) -> Action:
     """The error is that of the force which the sensor shows."""
     error = _error(now, now.state.devices.force)
-    commanded, target = _torques(now, command, _feedback(now, error))
+    commanded, target = _torques(now, command, _wanted(now, error))
     lagging = now.structure.features.actuator_lag
     applied = by_robot(now.state.devices.torque) if lagging else target
     return Action(error, commanded, target, applied, _response(now, applied))
 
 
-def _with_lagging_actuators(now: Instant, command: MotionCommand) -> Action:
+def _with_lagging_actuators(now: Instant, command: Command) -> Action:
     """The force follows from the torque applied now, whatever is decided."""
     applied = by_robot(now.state.devices.torque)
     moved = _response(now, applied)
     error = _error(now, moved.multipliers)
-    return Action(error, *_torques(now, command, _feedback(now, error)), applied, moved)
+    return Action(error, *_torques(now, command, _wanted(now, error)), applied, moved)
 
 
-def _at_once(now: Instant, command: MotionCommand) -> Action:
+def _at_once(now: Instant, command: Command) -> Action:
     """The algebraic loop, solved as if torque had no limits and the controller's J were the plant's.
 
     Where that is not so, the error that goes into the integral is that of the force which then really acts.
@@ -79,9 +79,9 @@ def _at_once(now: Instant, command: MotionCommand) -> Action:
     known = _known_error(now)
     free = plant.respond(structure, model, now.t, now.truth, _with_known_feedback(now, command, known))
     without_feedback = biased(structure, model, plus(free.multipliers, desired))
-    error = ideal_force_error(model.gains, without_feedback, desired, now.state.controller.force_integral)
+    error = ideal_force_error(_feedback(now), without_feedback, desired)
     error = (*known, *error[len(known) :])
-    lambda_h = _feedback(now, error)
+    lambda_h = _wanted(now, error)
     commanded, target = _torques(now, command, lambda_h)
     if _solution_is_exact(structure):
         # J^T lambda_h moves nothing and adds to the multipliers one for one, so no second solve is needed.
@@ -99,11 +99,11 @@ def _known_error(now: Instant) -> Vector:
     return minus(biased(now.structure, now.model, (now.truth.touch.force,)), _desired(now)[:1])
 
 
-def _with_known_feedback(now: Instant, command: MotionCommand, known: Vector) -> Pair[Vector]:
+def _with_known_feedback(now: Instant, command: Command, known: Vector) -> Pair[Vector]:
     """F less what the force loop does about the errors known (m,) [N], on each robot (5,)."""
     if not known:
         return command.force
-    feedback = _feedback(now, (*known, *_desired(now)[len(known) :]))[: len(known)]
+    feedback = _wanted(now, (*known, *_desired(now)[len(known) :]))[: len(known)]
     others = (0,) * (len(now.structure.rows) - len(known))
     return per_robot(minus, command.force, constraint_force(now.seen.reduction, (*feedback, *others)))
 
@@ -122,11 +122,16 @@ def _error(now: Instant, force: Vector) -> Vector:
     return minus(biased(now.structure, now.model, force), _desired(now))
 
 
-def _feedback(now: Instant, error: Vector) -> Vector:
-    return force_command(now.model.gains, _desired(now), error, now.state.controller.force_integral)
+def _feedback(now: Instant) -> ForceFeedback:
+    return now.model.gains.force_feedback(now.state.controller)
 
 
-def _torques(now: Instant, command: MotionCommand, lambda_h: Vector) -> tuple[Pair[Vector], Pair[Vector]]:
+def _wanted(now: Instant, error: Vector) -> Vector:
+    """lambda_h (m,) [N]."""
+    return force_command(_feedback(now), _desired(now), error)
+
+
+def _torques(now: Instant, command: Command, lambda_h: Vector) -> tuple[Pair[Vector], Pair[Vector]]:
     """B tau = F - J^T lambda_h with the controller's J: torques of each robot, and these within limits."""
     model, seen = now.model, now.seen
     wanted = per_robot(minus, command.force, constraint_force(seen.reduction, lambda_h))
@@ -139,13 +144,13 @@ def _response(now: Instant, torque: Pair[Vector]) -> Accelerations:
     return plant.respond(now.structure, now.model, now.t, now.truth, force)
 
 
-def observe(now: Instant, sigma: Vector, action: Action) -> Signals:
-    """Signals at one instant, from sigma (n,) below (15) and the action taken."""
+def observe(now: Instant, command: Command, action: Action) -> Signals:
+    """Signals at one instant, from what the controller has answered and the action taken."""
     truth, lam = now.truth, action.moved.multipliers
     return Signals(
         position=now.state.position,
         velocity=truth.velocity,
-        sigma=sigma,
+        computed=command.signals,
         controller=now.state.controller,
         constraint_force=lam,
         force_error=minus(lam, _desired(now)),

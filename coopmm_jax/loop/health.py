@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -21,16 +22,12 @@ class Health(NamedTuple):
 
 def within(values: tuple[Scalar, ...], limit: float) -> Bool:
     """True if all scalars are finite and within +-limit (a comparison with NaN is false)."""
-    ok = jnp.abs(values[0]) < limit
-    for value in values[1:]:
-        ok = ok & (jnp.abs(value) < limit)
-    return ok
+    return functools.reduce(lambda ok, value: ok & (jnp.abs(value) < limit), values, True)
 
 
 def judge(proposed: State, signals: Signals, start_determinants: tuple[Scalar, ...]) -> jax.Array:
     """Status code (a scalar) of one step from the state it proposes and the signals at its start."""
-    controller = proposed.controller
-    states = (*controller.integral, *controller.eta, *controller.c_hat, *controller.force_integral)
+    states = tuple(jax.tree.leaves(proposed.controller))
     code = jnp.where(within(states, CONTROLLER_LIMIT), Status.OK.value, Status.CONTROLLER.value)
     code = jnp.where(within(proposed.velocity, SPEED_LIMIT), code, Status.SPEED.value)
     singular = (Status.SINGULAR_CONTACT.value, Status.SINGULAR_GUIDE.value)

@@ -9,7 +9,7 @@ import jax
 
 from coopmm_jax.algebra.matrix import minus, plus
 from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
-from coopmm_jax.control.controller import ControllerState, motion_control
+from coopmm_jax.control.controller import Seen, known_to_controller
 from coopmm_jax.control.gain_schedule import in_force
 from coopmm_jax.control.reference import at_instant, desired_force
 from coopmm_jax.loop.devices import Noise, draw_noise, sense, torque_rates
@@ -38,7 +38,7 @@ class _Motion(NamedTuple):
 class _Decision(NamedTuple):
     """Rates and noise of one sample, for what moves from this sample to the next."""
 
-    controller: ControllerState  # rates
+    controller: PyTree  # rates of its state
     noise: Noise | None
 
 
@@ -86,9 +86,9 @@ def _decide(
     truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity, state.carriage)
     seen, independent, noise = _measure(structure, model, sample, t, truth, state)
     now = Instant(structure, model, t, truth, seen, state)
-    command = motion_control(structure, model, t, seen, independent, state.controller)
+    command = model.gains.command(Seen(structure, known_to_controller(model), t, seen, independent), state.controller)
     action = act(now, command)
-    return action.target, _Decision(command.rates(action.measured_error), noise), observe(now, command.sigma, action)
+    return action.target, _Decision(command.rates(action.measured_error), noise), observe(now, command, action)
 
 
 def _measure(

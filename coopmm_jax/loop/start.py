@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from coopmm_jax.algebra.matrix import plus
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
-from coopmm_jax.control.controller import at_rest
+from coopmm_jax.control.controller import Freedom
 from coopmm_jax.control.reference import desired_force
 from coopmm_jax.loop.devices import initial_devices
 from coopmm_jax.loop.state import State
@@ -59,7 +59,8 @@ def initial_state(structure: Structure, model: Model, parameters: Parameters) ->
     residual = jnp.abs(residuals[0])
     for phi in residuals[1:]:
         residual = jnp.maximum(residual, jnp.abs(phi))
-    controller = at_rest(parameters.gains, n, len(structure.rows), zero)
+    started = model.gains.start(Freedom.of(structure), zero)
+    controller = jax.tree.map(lambda x: jnp.asarray(x, jnp.result_type(zero)), started)
     velocity = (zero,) * sum(map(len, partition(structure.plant_rows).independent))
     state = State(position, velocity, controller, initial_devices(structure, zero), carriage)
     return Start(state, residual, k.reduction.determinants)

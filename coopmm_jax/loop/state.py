@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
-from coopmm_jax.algebra.types import Pair, Scalar, Vector
-from coopmm_jax.control.controller import ControllerState
+from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
 from coopmm_jax.control.path_motion import Aim
 from coopmm_jax.loop.devices import Devices
 from coopmm_jax.mechanics.constrained_dynamics import Accelerations
@@ -17,7 +17,7 @@ class State(NamedTuple):
 
     position: Pair[Position]
     velocity: Vector  # u^1 (n,)
-    controller: ControllerState
+    controller: PyTree  # the controller's own
     devices: Devices = Devices()
     carriage: Vector = ()  # (1,) of a rail that guides the object, a phase of its path
 
@@ -27,8 +27,8 @@ class Signals(NamedTuple):
 
     position: Pair[Position]
     velocity: Pair[Vector]  # u of each robot (5,)
-    sigma: Vector  # (n,)
-    controller: ControllerState
+    computed: Mapping[str, Vector | Scalar]  # by the controller, its own signals by name
+    controller: PyTree  # its state
     constraint_force: Vector  # lambda (m,) [N]
     force_error: Vector  # lambda - lambda_d (m,) [N]
     torque: Pair[Vector]  # applied, (right wheel, left wheel, joints 1-3) of each robot [N m]

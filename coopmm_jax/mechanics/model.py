@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from coopmm_jax.algebra.sincos import wrapped
-from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
 from coopmm_jax.kinds.courses import current
 from coopmm_jax.kinds.disturbances import Disturbance
 from coopmm_jax.mechanics.randomness import drawn_before
@@ -33,7 +33,7 @@ class Model(NamedTuple):
     gravity: Scalar
     plant: Pair[Lumped]
     nominal: Pair[Lumped]  # the controller's
-    gains: Gains  # in force: the loop puts those of the schedule here at each instant
+    gains: PyTree  # in force: the loop puts those of the schedule here at each instant
     disturbance: tuple[Disturbance, ...]
     reference: Reference | PathReference
     posture: Pair[Vector]  # desired (a2, a3) of each robot where they are independent [rad]

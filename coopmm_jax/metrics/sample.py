@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.matrix import Matrix, dot, minus, sub
 from coopmm_jax.algebra.sincos import sincos, wrapped
 from coopmm_jax.algebra.types import Bool, Scalar, Vector
+from coopmm_jax.control.controller import estimates_of
 from coopmm_jax.control.reference import (
     AnyReference,
     at_instant,
@@ -158,8 +159,8 @@ def quantities(
         "torque_change": sum(change),
         "wheel_torque_change": sum(change[: ROBOTS * WHEELS]),
         "joint_torque_change": sum(change[ROBOTS * WHEELS :]),
-        "persistence": parameters.gains.k2 * _yaw_rate(parameters.reference, t, signals) ** 2,
-        "c_hat": largest_size(signals.controller.c_hat),
+        "persistence": getattr(parameters.gains, "k2", 0.0) * _yaw_rate(parameters.reference, t, signals) ** 2,
+        "c_hat": largest_size(estimates_of(parameters.gains, signals.controller)),
         "constraint_residual": largest_size(
             signals.constraint_residual[len(structure.rows) - len(structure.plant_rows) :]
         ),

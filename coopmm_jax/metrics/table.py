@@ -147,11 +147,13 @@ _TABLE = (
     Metric(
         "persistence",
         "-",
-        "k2 times the integral of u_d1 squared: of lateral errors exp(-persistence) is left",
+        "k2 times the integral of u_d1 squared: of lateral errors exp(-persistence) is left; 0 of a law without k2",
         "persistence",
         "time",
     ),
-    Metric("c_hat_max", "-", "largest estimate c_hat of an uncertainty bound", "c_hat", "max"),
+    Metric(
+        "c_hat_max", "-", "largest estimate c_hat of an uncertainty bound; 0 of a controller without", "c_hat", "max"
+    ),
     Metric("constraint_residual_max", "m", "largest size of a constraint residual phi", "constraint_residual", "max"),
     Metric(
         "singularity_margin",

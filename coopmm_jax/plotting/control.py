@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.controllers import shown, signals_of
 from coopmm_jax.mechanics.partitioning import partition
 from coopmm_jax.plotting import style
 from coopmm_jax.plotting.lines import Quantity, Run, runs, time_panel
 from coopmm_jax.plotting.motion import ROBOTS, robot_index
+from coopmm_jax.plotting.style import plain
 
 if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
@@ -69,7 +72,7 @@ def filtered_error(
         The figure that was drawn on.
 
     Raises:
-        UserError: nothing to draw, or labels or axes of the wrong number.
+        UserError: nothing to draw, a controller without it, or labels or axes of the wrong number.
 
     >>> import coopmm_jax as cm
     >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
@@ -95,7 +98,7 @@ def adaptation(*trajectories: Trajectory, labels: Sequence[str] | None = None, a
         The figure that was drawn on.
 
     Raises:
-        UserError: nothing to draw, or labels or axes of the wrong number.
+        UserError: nothing to draw, a controller without it, or labels or axes of the wrong number.
 
     >>> import coopmm_jax as cm
     >>> short = cm.load_scenario("paper", simulation={"duration": 0.05})
@@ -113,17 +116,48 @@ def torque_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
 
 def sigma_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
     """Draw the filtered error sigma of one robot [rad/s, m/s]."""
-    independent = partition(group[0].trajectory.rows).independent
-    i = robot_index(robot)
-    first = 0 if i == 0 else len(independent[0])
-    values = {VELOCITIES[j]: lambda run, k=first + k: run.sigma[:, k] for k, j in enumerate(independent[i])}
-    time_panel(axes, group, values, f"{SIGMA} of {robot} [rad/s, m/s]")
+    _check_recorded(group, "sigma")
+    time_panel(axes, group, _of_robot("sigma", group, robot), f"{SIGMA} of {robot} [rad/s, m/s]")
 
 
 def bounds_panel(axes: Axes, group: Sequence[Run]) -> None:
     """Draw the five estimates chat_k."""
-    values = {name: lambda run, k=k: run.c_hat[:, k] for k, name in enumerate(BOUNDS)}
-    time_panel(axes, group, values, "ĉ [N m per unit of f]")
+    _check_recorded(group, "c_hat")
+    time_panel(axes, group, _entries("c_hat", BOUNDS), "ĉ [N m per unit of f]")
+
+
+def shown_panels(panels: Sequence[Axes], group: Sequence[Run]) -> None:
+    """Draw the signals that a controller wants to be seen; where each velocity has an entry, those of robot I."""
+    law = group[0].trajectory.law
+    for panel, name in zip(panels, shown(law)):
+        signal = signals_of(law)[name]
+        label, bracket, unit = (signal.label or f"{plain(name)} [{signal.unit}]").partition(" [")
+        if signal.per == "independent":
+            time_panel(panel, group, _of_robot(name, group, "I"), f"{label} of I{bracket}{unit}")
+        elif signal.per is None:
+            time_panel(panel, group, {plain(name): lambda run, name=name: getattr(run, name)}, label + bracket + unit)
+        else:
+            entries = BOUNDS if signal.per == "bound" else group[0].trajectory.entries_of(name)
+            time_panel(panel, group, _entries(name, entries), label + bracket + unit)
+
+
+def _entries(name: str, labels: Sequence[str]) -> dict[str, Quantity]:
+    return {label: lambda run, k=k: getattr(run, name)[:, k] for k, label in enumerate(labels)}
+
+
+def _of_robot(name: str, group: Sequence[Run], robot: str) -> dict[str, Quantity]:
+    """Entries of one robot of a signal that has one for each independent velocity."""
+    independent = partition(group[0].trajectory.rows).independent
+    i = robot_index(robot)
+    first = 0 if i == 0 else len(independent[0])
+    return {VELOCITIES[j]: lambda run, k=first + k: getattr(run, name)[:, k] for k, j in enumerate(independent[i])}
+
+
+def _check_recorded(group: Sequence[Run], name: str) -> None:
+    for run in group:
+        if name not in run.trajectory.controller:
+            chosen = run.trajectory.scenario.law.controller
+            raise UserError("trajectories", f"of a controller that records {name}", chosen)
 
 
 def _torques(robot: str) -> list[tuple[str, Quantity]]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 LAYOUT = (
     ("paths", "errors I", "errors II", "arm yaw"),
     ("contact force", "its start", "constraint forces", "residual"),
-    ("torques I", "torques II", "sigma I", "adaptation"),
+    ("torques I", "torques II", "signal", "another signal"),
 )
 
 
@@ -52,8 +52,7 @@ def overview(trajectory: Trajectory, axes: style.GivenAxes = None) -> Figure:
     force.residual_panel(panel["residual"], group)
     control.torque_panel(panel["torques I"], group, "I")
     control.torque_panel(panel["torques II"], group, "II")
-    control.sigma_panel(panel["sigma I"], group, "I")
-    control.bounds_panel(panel["adaptation"], group)
+    control.shown_panels([panel["signal"], panel["another signal"]], group)
     return figure
 
 

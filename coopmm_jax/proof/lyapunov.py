@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from coopmm_jax.control.controller import ControllerState
+from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.controllers import name_of
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.robot import ROBOTS, per_robot
@@ -57,7 +58,8 @@ def analyse(trajectory: Trajectory, every: int = 1) -> Analysis:
         every: use one sample in so many.
 
     Raises:
-        UserError: no sample, ``every`` below 1, an adaptation rate gamma of zero (V2 of (31) divides by it), sampled
+        UserError: another controller than the paper's, no sample,
+            ``every`` below 1, an adaptation rate gamma of zero (V2 of (31) divides by it), sampled
             control or devices that are not ideal (the proof has neither).
 
     >>> import coopmm_jax as cm
@@ -84,6 +86,8 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
         UserError: as ``analyse``.
     """
     gains = parameters.gains
+    if type(gains) is not Gains:
+        raise UserError("law.controller", "robust_adaptive, which the proof is about", name_of(gains))
     if structure.substeps or structure.force_delay or any(structure.features) or parameters.schedule:
         raise UserError("scenario", "the proof's loop: continuous control, ideal devices, constant gains", "another")
     if len(t) == 0:

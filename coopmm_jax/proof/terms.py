@@ -72,7 +72,7 @@ def proof_terms(structure: Structure, parameters: Parameters, t: np.ndarray, sta
         t: (T,) [s].
         states: a ``State`` with leaves (T,).
 
-    >>> from coopmm_jax.control.controller import ControllerState
+    >>> from coopmm_jax.control.robust_adaptive import ControllerState
     >>> from coopmm_jax.mechanics.robot_kinematics import Position
     >>> one, two = Position(0.0, 2.4, 0.0, 1.2, -0.8, 1.6), Position(0.0, 1.0, 0.0, 1.6, 2.3, 1.7)
     >>> state = State((one, two), (1.0, 0.0) * 3, ControllerState((0.0,) * 2, (0.0,) * 2, (1.0,) * 5, (0.0,) * 4))

@@ -11,8 +11,10 @@ import numpy as np
 
 from coopmm_jax.algebra.sincos import sincos, wrapped
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.control.controller import recorded
 from coopmm_jax.control.reference import AnyReference, Desired, at_instant, desired_force, desired_motion
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.controllers import signals_of
 from coopmm_jax.loop.health import Health
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import Signals
@@ -71,9 +73,11 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     failed = status is not Status.OK
     check_finite({name: np.asarray(value) for name, value in measured.items()}, np.asarray(not failed))
     end = int(health.step) if failed else steps + 1  # the first step that is not part of the run
-    recorded = -(-end // settings.record_every)
+    own = series["controller"]
+    kept = -(-end // settings.record_every)
     return Trajectory(
-        **{name: _stacked(values, series["t"])[:recorded] for name, values in series.items()},
+        **{name: _stacked(values, series["t"])[:kept] for name, values in series.items() if name != "controller"},
+        controller={name: _stacked(own[name], series["t"])[:kept] for name in signals_of(parameters.gains)},
         status=status,
         status_time=end * step if failed else None,
         metrics={name: float(measured[name]) for name in METRICS},
@@ -106,13 +110,13 @@ def _compiled(
     result = rollout(
         structure, parameters, step, steps, plan, observer.observer(structure, parameters, **horizon), record=True
     )
-    series = jax.vmap(functools.partial(_sample, structure, parameters.reference))(*result.record)
+    series = jax.vmap(functools.partial(_sample, structure, parameters))(*result.record)
     return series, observer.finish(result.total, **horizon), result.health
 
 
-def _sample(structure: Structure, reference: AnyReference, t: Scalar, signals: Signals) -> dict[str, Any]:
+def _sample(structure: Structure, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Any]:
     """The entries of ``Trajectory`` at one sample, as nested tuples of scalars."""
-    reference = at_instant(reference, t, signals.aim)
+    reference = at_instant(parameters.reference, t, signals.aim)
     desired = _on_the_same_turn(reference, desired_motion(reference, t), signals.position)
     return {
         "t": t,
@@ -122,11 +126,7 @@ def _sample(structure: Structure, reference: AnyReference, t: Scalar, signals: S
         "arm": tuple(p.a1 for p in signals.position),
         "arm_desired": tuple(d.arm[0] for d in desired),
         "velocity": signals.velocity,
-        "sigma": signals.sigma,
-        "c_hat": signals.controller.c_hat,
-        "eta": signals.controller.eta,
-        "integral": signals.controller.integral,
-        "force_integral": signals.controller.force_integral,
+        "controller": recorded(parameters.gains, signals.controller, signals.computed),
         "constraint_force": signals.constraint_force,
         "constraint_force_desired": desired_force(reference, structure.rows, t),
         "torque": signals.torque,

@@ -6,8 +6,6 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import read_json, read_npz, resolve_path, write_json, write_npz, write_text
 from coopmm_jax.software import check_plugins, versions
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
 def write_run(folder: Path, scenario: Scenario, trajectory: Trajectory) -> None:
     """Write one simulation: ``scenario.toml``, ``trajectory.npz`` (its arrays by name) and ``summary.json``."""
     write_text(folder / "scenario.toml", scenario.to_toml())
-    arrays = {name: value for name, value in vars(trajectory).items() if isinstance(value, np.ndarray)}
+    arrays = {name: getattr(trajectory, name) for name in trajectory.arrays}
     write_npz(folder / "trajectory.npz", arrays)
     write_json(folder / "summary.json", summary(scenario, trajectory))
 
@@ -39,7 +37,7 @@ def read_run(folder: str | Path) -> Trajectory:
     ...     read_run(folder)
     <Trajectory: 11 samples to 0.01 s, float64, OK>
     """
-    from coopmm_jax.runs.trajectory import ARRAYS, Trajectory
+    from coopmm_jax.runs.trajectory import ARRAYS, Trajectory, arrays_of
     from coopmm_jax.scenario.scenario import load_scenario
     from coopmm_jax.status import Status  # imports JAX, as does the next
 
@@ -47,12 +45,14 @@ def read_run(folder: str | Path) -> Trajectory:
     try:
         arrays, about = read_npz(folder / "trajectory.npz"), read_json(folder / "summary.json")
         check_plugins(about.get("versions", {}), "run", folder)
+        scenario = load_scenario(folder / "scenario.toml")
         run = Trajectory(
             **{name: arrays[name] for name in ARRAYS},
+            controller={name: arrays[name] for name in arrays_of(scenario) if name not in ARRAYS},
             status=Status[about["status"]],
             status_time=None if about["status_time"] is None else float(about["status_time"]),
             metrics={name: math.nan if value is None else float(value) for name, value in about["metrics"].items()},
-            scenario=load_scenario(folder / "scenario.toml"),
+            scenario=scenario,
         )
         run.check()
         return run

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coopmm_jax.control.adaptive import Regressors
+from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.controllers import DEFAULT, controller, signals_of
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.robot import PLATFORM
 from coopmm_jax.metrics.table import METRICS, as_text, shown
@@ -63,13 +65,7 @@ class Trajectory:
     velocity: np.ndarray = field(
         metadata=_array("t robot rate", "rad/s, m/s, rad/s, rad/s, rad/s", "u1, u2 of (8), joint rates")
     )
-    sigma: np.ndarray = field(
-        metadata=_array("t independent", "rad/s, m/s, rad/s of each robot", "filtered tracking error")
-    )
-    c_hat: np.ndarray = field(metadata=_array("t bound", "-", "estimates of the uncertainty bounds (20)-(24)"))
-    eta: np.ndarray = field(metadata=_array("t robot", "rad/s", "eta of (15)"))
-    integral: np.ndarray = field(metadata=_array("t independent_arm", "rad", "integral of utilde in sigma"))
-    force_integral: np.ndarray = field(metadata=_array("t row", "N s", "integral of the force error"))
+    controller: dict[str, np.ndarray]  # its own signals by name, which can be read as attributes of the run too
     constraint_force: np.ndarray = field(
         metadata=_array("t row", "N", "constraint forces lambda; the contact presses if positive")
     )
@@ -103,6 +99,20 @@ class Trajectory:
         """Names of the constraint rows (m,)."""
         return self.scenario.coupling.rows
 
+    @property
+    def law(self) -> Any:
+        """Class of the controller."""
+        return _controller(self.scenario)
+
+    def entries_of(self, name: str) -> list[str]:
+        """Labels of the entries of an array (T, n)."""
+        return self._labels()[self.arrays[name]["dims"][1]]
+
+    @property
+    def arrays(self) -> dict[str, dict[str, Any]]:
+        """Dimensions, units and meaning of every array of this run, by name."""
+        return arrays_of(self.scenario)
+
     def check(self) -> None:
         """Check that all arrays have the shapes that their dimensions say, and finite numbers.
 
@@ -110,7 +120,7 @@ class Trajectory:
             ValueError: the first that has not.
         """
         sizes = {"t": len(self.t)} | {dim: len(labels) for dim, labels in self._labels().items()}
-        for name, about in ARRAYS.items():
+        for name, about in self.arrays.items():
             value = getattr(self, name)
             if value.shape != tuple(sizes[dim] for dim in about["dims"]) or value.dtype.kind != "f":
                 raise ValueError(f"{name} is {value.dtype} of shape {value.shape}")
@@ -127,7 +137,8 @@ class Trajectory:
         """
         import xarray
 
-        variables = {name: (about["dims"], getattr(self, name), _attributes(about)) for name, about in ARRAYS.items()}
+        arrays = self.arrays.items()
+        variables = {name: (about["dims"], getattr(self, name), _attributes(about)) for name, about in arrays}
         attributes = {
             "status": self.status.name,
             "status_message": self.status.message,
@@ -150,10 +161,18 @@ class Trajectory:
             "rail": ["carriage"] if self._on_a_rail() else [],
             "independent": [label for _, label in independent],
             "independent_arm": [label for joint, label in independent if joint >= PLATFORM],
+            **_own_labels(self.law),
         }
 
     def _on_a_rail(self) -> bool:
         return "guide_radial" in self.rows and isinstance(self.scenario.parameters().plant.guide, Rail)
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        """A signal of the controller: ``run.sigma`` is ``run.controller["sigma"]``."""
+        signals = self.__dict__.get("controller", {})
+        if name not in signals:
+            raise AttributeError(name)
+        return signals[name]
 
     def __repr__(self) -> str:
         end = f"{self.t[-1]:g} s" if len(self.t) else "0 s"
@@ -176,6 +195,39 @@ class Trajectory:
 ARRAYS = {entry.name: entry.metadata for entry in dataclasses.fields(Trajectory) if "dims" in entry.metadata}
 
 
+def arrays_of(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """Dimensions, units and meaning of every array of a scenario's runs, those of its controller among them.
+
+    Raises:
+        UserError: the controller has a signal of the name of an array that all runs have.
+    """
+    made = _controller(scenario)
+    found: dict[str, Any] = dict(ARRAYS)
+    for name, about in _of_signals(made).items():
+        if name in Trajectory.__dataclass_fields__:
+            raise UserError(f'controller "{scenario.law.controller}": signals', "named unlike what every run has", name)
+        found[name] = about
+    return found
+
+
+def _controller(scenario: Scenario) -> Any:
+    return controller(scenario.law.controller).made
+
+
+def _of_signals(made: Any) -> dict[str, dict[str, Any]]:
+    found = {}
+    for name, signal in signals_of(made).items():
+        own = f"{name}_entry" if isinstance(signal.per, tuple) else signal.per
+        found[name] = _array("t" if own is None else f"t {own}", signal.unit, signal.meaning)
+    return found
+
+
+def _own_labels(made: Any) -> dict[str, list[str]]:
+    """Labels of the dimensions of signals whose entries have names of their own."""
+    signals = signals_of(made).items()
+    return {f"{name}_entry": list(signal.per) for name, signal in signals if isinstance(signal.per, tuple)}
+
+
 def _attributes(about: Mapping[str, Any]) -> dict[str, str]:
     return {"units": about["units"], "long_name": about["meaning"]}
 
@@ -186,4 +238,5 @@ def _described(name: str, about: Mapping[str, Any]) -> str:
 
 
 _listed = "".join(_described(name, about) for name, about in ARRAYS.items())
-Trajectory.__doc__ = f"{Trajectory.__doc__}\n    Arrays:\n{_listed}"
+_signals = "".join(_described(name, about) for name, about in _of_signals(controller(DEFAULT).made).items())
+Trajectory.__doc__ = f"{Trajectory.__doc__}\n    Arrays:\n{_listed}\n    Signals of {DEFAULT}:\n{_signals}"

@@ -6,11 +6,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, Self
 
 import tomli_w
-from pydantic import model_validator
+from pydantic import SerializeAsAny, ValidationInfo, field_validator, model_validator
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.metrics.table import METRICS
@@ -26,21 +26,23 @@ from coopmm_jax.parameters import (
     Structure,
     Surface,
 )
-from coopmm_jax.scenario.overrides import merged
+from coopmm_jax.scenario.overrides import laid_over
 from coopmm_jax.scenario.sections.controller import (
+    DEFAULT,
     GainsSection,
     LawSection,
     NominalSection,
     full_gains,
+    gains_section,
 )
 from coopmm_jax.scenario.sections.disturbance import Disturbances, paper_disturbance
 from coopmm_jax.scenario.sections.hardware import HardwareSections
 from coopmm_jax.scenario.sections.plant import CouplingSection, InitialSection, PlantSection
 from coopmm_jax.scenario.sections.reference import ReferenceSection
 from coopmm_jax.scenario.sections.requirements import RequirementsSection
-from coopmm_jax.scenario.sections.schedule import ScheduleSection
+from coopmm_jax.scenario.sections.schedule import ScheduleSection, schedule_section
 from coopmm_jax.scenario.sections.simulation import SimulationSection
-from coopmm_jax.scenario.sections.tuning import TuningSection
+from coopmm_jax.scenario.sections.tuning import TuningSection, tuning_section
 from coopmm_jax.scenario.sections.uncertainty import UncertaintySection
 from coopmm_jax.scenario.validation import closest, validate
 
@@ -54,14 +56,14 @@ class BaseScenario(HardwareSections):
     coupling: CouplingSection = CouplingSection()
     nominal: NominalSection = NominalSection()
     law: LawSection = LawSection()
-    gains: GainsSection = GainsSection()
-    schedule: ScheduleSection = ScheduleSection()
+    gains: SerializeAsAny[GainsSection] = gains_section(DEFAULT)()
+    schedule: SerializeAsAny[ScheduleSection] = schedule_section(DEFAULT)()
     disturbance: Disturbances = paper_disturbance()
     reference: ReferenceSection = ReferenceSection()
     initial: InitialSection = InitialSection()
     uncertainty: UncertaintySection = UncertaintySection()
     requirements: RequirementsSection = RequirementsSection()
-    tuning: TuningSection = TuningSection()
+    tuning: SerializeAsAny[TuningSection] = tuning_section(DEFAULT)()
 
     @property
     def steps(self) -> int:
@@ -82,7 +84,7 @@ class BaseScenario(HardwareSections):
         Raises:
             UserError: an unknown field, or a value it cannot have.
         """
-        return validate(type(self), merged(self.model_dump(exclude_none=True), changes))
+        return validate(type(self), laid_over(self.model_dump(exclude_none=True), changes))
 
     def to_toml(self) -> str:
         """Text of a scenario file that loads as an equal scenario, with every value spelt out."""
@@ -141,6 +143,24 @@ class BaseScenario(HardwareSections):
         given = {name: value for name, value in self.nominal if name != "scale" and value is not None}
         return _inertias(plant | given)
 
+    @field_validator("gains", "schedule", "tuning", mode="before")
+    @classmethod
+    def _of_the_controller(cls, value: Any, info: ValidationInfo) -> Any:
+        made = _FOR_THE_CONTROLLER[info.field_name or ""]
+        law = info.data.get("law")
+        if law is None:  # what is wrong with it is told instead
+            return made(DEFAULT)()
+        return validate(made(law.controller), value) if isinstance(value, Mapping) else value
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_the_controllers_sections(cls, data: Any) -> Any:
+        """Let sections that are left out be those of the controller."""
+        law = data.get("law") if isinstance(data, Mapping) else None
+        if not isinstance(law, Mapping) or law.get("controller", DEFAULT) == DEFAULT:
+            return data
+        return {name: {} for name in _FOR_THE_CONTROLLER} | dict(data)
+
     @model_validator(mode="after")
     def _whole_control_periods(self) -> Self:
         self.loop.substeps(self.simulation)
@@ -171,6 +191,13 @@ class BaseScenario(HardwareSections):
                 must = f"a metric, as coopmm simulate --out writes them{closest(metric, METRICS)}"
                 raise UserError(f"requirements.{metric}", must, "unknown")
         return self
+
+
+_FOR_THE_CONTROLLER: dict[str, Callable[[str], type[Any]]] = {
+    "gains": gains_section,
+    "schedule": schedule_section,
+    "tuning": tuning_section,
+}
 
 
 def _spread(value: Any, count: int) -> tuple[Any, ...]:

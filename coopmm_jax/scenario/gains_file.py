@@ -2,7 +2,7 @@
 
 >>> from coopmm_jax.parameters import Gains
 >>> gains_text(Gains(k0=3.0)).splitlines()[:2]
-['[gains]', 'k0 = 3.0']
+['[law]', 'controller = "robust_adaptive"']
 """
 
 from __future__ import annotations
@@ -13,19 +13,21 @@ from typing import Any
 import tomli_w
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Gains, Schedule
-from coopmm_jax.scenario.overrides import read_toml
-from coopmm_jax.scenario.sections.controller import GAINS, gain_tables
+from coopmm_jax.kinds.controllers import name_of
+from coopmm_jax.parameters import Schedule
+from coopmm_jax.scenario.overrides import merged, read_toml
+from coopmm_jax.scenario.sections.controller import gain_tables
 from coopmm_jax.scenario.sections.schedule import schedule_table
 
-_SECTIONS = {gain.section for gain in GAINS.values()} | {"schedule"}
+_SECTIONS = ("gains", "law", "schedule")
 
 
-def gains_text(gains: Gains, schedule: Schedule | None = None) -> str:
-    """TOML of every gain, in the sections that a scenario has them in."""
+def gains_text(gains: Any, schedule: Schedule | None = None) -> str:
+    """TOML of the controller and every gain of it, in the sections that a scenario has them in."""
     table = schedule_table(schedule) if schedule else {}
     given = {name: value for name, value in table.items() if value != "none"}
-    return tomli_w.dumps(gain_tables(gains) | ({"schedule": given} if given else {}))
+    tables = merged({"law": {"controller": name_of(gains)}}, gain_tables(gains))
+    return tomli_w.dumps(tables | ({"schedule": given} if given else {}))
 
 
 def read_gains(path: str | Path) -> dict[str, Any]:

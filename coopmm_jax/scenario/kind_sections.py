@@ -25,7 +25,6 @@ from coopmm_jax.kinds.registry import Kind, Quantity
 from coopmm_jax.scenario.fields import Finite, Flag, Pair, Section
 from coopmm_jax.scenario.validation import validate
 
-_BOUNDS = {"above": "gt", "at_least": "ge", "below": "lt", "at_most": "le"}  # of Quantity -> of pydantic
 _STRICT = (bool, int, str)
 
 
@@ -150,7 +149,7 @@ def _section(made_by: type, base: type[KindSection]) -> type[Any]:
 
 def _type(plain: Any, about: Quantity) -> Any:
     """Type that pydantic checks a field by."""
-    bounds = {_BOUNDS[name]: bound for name, bound in about._asdict().items() if name in _BOUNDS and bound is not None}
+    bounds: Any = registry.bounds_of(about)
     number = Annotated[Finite, Field(**bounds)] if bounds else Finite
     if is_scalar(plain):
         return number

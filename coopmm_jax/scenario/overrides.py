@@ -16,6 +16,7 @@ from typing import Any
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
+from coopmm_jax.kinds.controllers import DEFAULT
 
 DISTRIBUTION = "distribution"  # the key of a table that says how a number varies
 KIND = "kind"  # the key that says what kind of thing a table describes
@@ -58,6 +59,26 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     {'disturbance': [{'name': 'gust', 'scale': 2.0}]}
     """
     return _laid(base, _nested(changes))
+
+
+def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables of a scenario with changes laid over them, as ``merged``; another controller brings gains of its own.
+
+    >>> laid_over({"gains": {"gamma": 0.2}}, {"law.controller": "pid"})
+    {'law': {'controller': 'pid'}}
+    """
+    nested = _nested(changes)
+    before, after = _controller(base), _controller(nested)
+    if after is not None and after != (before or DEFAULT):
+        base = {name: table for name, table in base.items() if name not in ("gains", "schedule")}
+        if isinstance(base.get("tuning"), Mapping):
+            base["tuning"] = {name: value for name, value in base["tuning"].items() if name not in ("gains", "bounds")}
+    return _laid(base, nested)
+
+
+def _controller(tables: Mapping[str, Any]) -> Any:
+    law = tables.get("law")
+    return law.get("controller") if isinstance(law, Mapping) else None
 
 
 def _nested(changes: Mapping[str, Any], depth: int = 0) -> dict[str, Any]:

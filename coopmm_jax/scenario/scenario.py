@@ -19,7 +19,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
 from coopmm_jax.plugins import load_installed
 from coopmm_jax.scenario.base import BaseScenario
-from coopmm_jax.scenario.overrides import merged, read_toml
+from coopmm_jax.scenario.overrides import laid_over, read_toml
 from coopmm_jax.scenario.validation import closest, validate
 
 
@@ -49,7 +49,7 @@ def load_scenario(name_or_path: str | Path, **overrides: Any) -> Scenario:
     20000
     """
     load_installed()
-    return validate(Scenario, merged(_read(_find(str(name_or_path), Path(), "scenario")), overrides))
+    return validate(Scenario, laid_over(_read(_find(str(name_or_path), Path(), "scenario")), overrides))
 
 
 def list_scenarios() -> dict[str, str]:
@@ -92,7 +92,7 @@ def _read(path: Path) -> dict[str, Any]:
             raise UserError("base", "the name or path of a scenario", base)
         laid.append(_found_from(path.parent, merged({}, tables)))
         if base is None:
-            return functools.reduce(merged, reversed(laid), {})
+            return functools.reduce(laid_over, reversed(laid), {})
         path = _find(base, path.parent, "base")
 
 

@@ -1,7 +1,7 @@
 """Errors of pydantic, in this package's one grammar: the field, what it must be, what it was.
 
->>> from coopmm_jax.scenario.sections.controller import GainsSection
->>> validate(GainsSection, {"K_lambda": -2})
+>>> from coopmm_jax.scenario.sections.controller import gains_section
+>>> validate(gains_section("robust_adaptive"), {"K_lambda": -2})
 Traceback (most recent call last):
 coopmm_jax.errors.UserError: K_lambda: must be greater than -1, was -2
 """
@@ -108,6 +108,7 @@ def _known(model: type[BaseModel], path: list[str | int]) -> str:
     fields = model.model_fields
     for section in sections:
         fields = getattr(fields[section].annotation, "model_fields", {})
-    label = getattr(model, "label", "a section of the scenario")
-    place = f"a field of [{'.'.join(sections)}]" if sections else label
+    label = getattr(model, "label", "")
+    inside = ".".join(filter(None, (getattr(model, "path", ""), *sections)))  # of a section that is validated alone
+    place = label if label and not sections else f"a field of [{inside}]" if inside else "a section of the scenario"
     return place + closest(key, fields)

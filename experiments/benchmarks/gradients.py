@@ -19,8 +19,8 @@ import jax
 import numpy as np
 
 from coopmm_jax import runtime
+from coopmm_jax.parameters import Gains
 from coopmm_jax.scenario.scenario import load_scenario
-from coopmm_jax.scenario.sections.tuning import Bounds
 from tuning.cost import evaluate
 from tuning.cost.problem import build_problem
 from tuning.cost.robust_cost import RobustCost
@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _problem(duration: float) -> tuple[RobustCost, tuple[str, ...], evaluate.Samples]:
     """Cost over the whole run, gains, and one sample."""
-    settings = {"gains": list(Bounds.model_fields), "channels": "shared"}
+    settings = {"gains": list(Gains._fields), "channels": "shared"}
     settings |= {"tracking_from": 0.0, "validation_samples": 1}
     problem = build_problem(load_scenario("sensed", simulation={"duration": duration}, tuning=settings))
     return problem.cost, problem.space.names, problem.samples(0, 1)

@@ -16,9 +16,10 @@ import numpy as np
 from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Gains, Parameters, Schedule
-from coopmm_jax.scenario.sections.controller import GAINS, gain_tables
-from coopmm_jax.scenario.sections.schedule import INITIAL, schedule_table
+from coopmm_jax.kinds.controllers import gains_of, initial
+from coopmm_jax.parameters import Parameters, Schedule
+from coopmm_jax.scenario.sections.controller import gain_tables
+from coopmm_jax.scenario.sections.schedule import schedule_table
 
 if TYPE_CHECKING:
     from coopmm_jax.scenario.scenario import Scenario
@@ -33,12 +34,13 @@ class GainSpace:
     knots: first all numbers of the first knot, then all of the second, and so on.
     """
 
-    bases: tuple[Gains, ...]  # the starting gains, at every knot (K,)
+    bases: tuple[Any, ...]  # the starting gains of a controller, at every knot (K,)
     names: tuple[str, ...]  # of the tuned gains
     owner: tuple[int, ...]  # (n,) position in ``names`` of the gain that a number belongs to
     low: tuple[float, ...]  # (n,) log(bound + offset)
     high: tuple[float, ...]  # (n,)
     shared: bool
+    controller: type  # of ``bases``: gains of equal numbers compare equal
     times: tuple[float, ...] = ()  # of the knots (K,) [s]; empty for constant gains
     kept: tuple[str, ...] = ()  # gains that change over time and are not tuned
 
@@ -71,7 +73,7 @@ class GainSpace:
         """The gains that n numbers stand for (n,), in their own units; differentiable."""
         return jnp.exp(vector) - self._offsets()
 
-    def gains(self, vector: Any) -> Gains:
+    def gains(self, vector: Any) -> Any:
         """All gains, at the first knot, with the tuned ones from ``vector`` (n,)."""
         return self._at_knots(vector)[0]
 
@@ -92,11 +94,11 @@ class GainSpace:
         tables = gain_tables(self.gains(vector), self.names)
         return tables | ({"schedule": schedule_table(self.schedule(vector))} if self.times else {})
 
-    def _at_knots(self, vector: Any) -> list[Gains]:
+    def _at_knots(self, vector: Any) -> list[Any]:
         values, each = self.values(vector), self.size // self.knots
         return [self._gains(base, values[k * each : (k + 1) * each]) for k, base in enumerate(self.bases)]
 
-    def _gains(self, base: Gains, values: Any) -> Gains:
+    def _gains(self, base: Any, values: Any) -> Any:
         """All gains at one knot, from their values there (n / K,)."""
         changed = {}
         for i, name in enumerate(self.names):
@@ -134,14 +136,15 @@ class GainSpace:
         index = [k - owner.index(i) for k, i in enumerate(owner)]
         return [self.names[i] + (f"[{j}]" if c > 1 else "") for i, j, c in zip(owner, index, counts, strict=True)]
 
-    def _entries(self, base: Gains, name: str) -> tuple[float, ...]:
+    def _entries(self, base: Any, name: str) -> tuple[float, ...]:
         value = getattr(base, name)
         if not isinstance(value, tuple):
             return (value,)
         return value[:1] if self.shared else value
 
     def _offsets(self) -> np.ndarray:
-        return np.array([_offset(self.names[i]) for i in self.owner])
+        about = gains_of(self.controller)
+        return np.array([about[self.names[i]].offset for i in self.owner])
 
 
 def gain_space(scenario: Scenario) -> GainSpace:
@@ -152,6 +155,7 @@ def gain_space(scenario: Scenario) -> GainSpace:
             those of the scenario's own schedule.
     """
     settings, (times, bases, kept) = scenario.tuning, _knots(scenario)
+    offsets = {name: about.offset for name, about in gains_of(bases[0]).items()}
     shared = settings.channels == "shared"
     owner, low, high = [], [], []
     for i, name in enumerate(settings.gains):
@@ -160,11 +164,11 @@ def gain_space(scenario: Scenario) -> GainSpace:
             _check_start(name, _as_tuple(getattr(base, name)), bounds, shared)
         for _ in entries[:1] if shared else entries:
             owner.append(i)
-            low.append(float(np.log(bounds[0] + _offset(name))))
-            high.append(float(np.log(bounds[1] + _offset(name))))
+            low.append(float(np.log(bounds[0] + offsets[name])))
+            high.append(float(np.log(bounds[1] + offsets[name])))
     count = len(bases)
     bounds = (tuple(low * count), tuple(high * count))
-    return GainSpace(bases, settings.gains, tuple(owner * count), *bounds, shared, times, kept)
+    return GainSpace(bases, settings.gains, tuple(owner * count), *bounds, shared, type(bases[0]), times, kept)
 
 
 def _as_tuple(value: Any) -> tuple[float, ...]:
@@ -180,7 +184,7 @@ def _check_start(name: str, entries: tuple[float, ...], bounds: tuple[float, flo
             raise UserError(f"tuning.bounds.{name}", must, list(bounds))
 
 
-def _knots(scenario: Scenario) -> tuple[tuple[float, ...], tuple[Gains, ...], tuple[str, ...]]:
+def _knots(scenario: Scenario) -> tuple[tuple[float, ...], tuple[Any, ...], tuple[str, ...]]:
     """Times of the knots, the scenario's gains at each of them, and those that change over time without being tuned."""
     parameters, count = scenario.parameters(), scenario.tuning.schedule
     gains, own = parameters.gains, parameters.schedule
@@ -188,17 +192,12 @@ def _knots(scenario: Scenario) -> tuple[tuple[float, ...], tuple[Gains, ...], tu
         return (), (gains,), ()
     if own is not None and count not in (1, len(own.times)):
         raise UserError("tuning.schedule", f"left out, or {len(own.times)} as schedule.times has", count)
-    if INITIAL in scenario.tuning.gains:
-        raise UserError(
-            "tuning.gains", f"without {INITIAL}, which acts at the start alone, where gains change", INITIAL
-        )
+    for name in initial(gains):
+        if name in scenario.tuning.gains:
+            raise UserError("tuning.gains", f"without {name}, which acts at the start alone, where gains change", name)
     if own is None:
         times = tuple(np.linspace(0.0, scenario.simulation.duration, count).tolist())
         return times, (gains,) * count, ()
     values = [{name: knots[k] for name, knots in own.values.items()} for k in range(len(own.times))]
     kept = tuple(name for name in own.values if name not in scenario.tuning.gains)
     return tuple(float(t) for t in own.times), tuple(gains._replace(**at) for at in values), kept
-
-
-def _offset(name: str) -> float:
-    return GAINS[name].offset

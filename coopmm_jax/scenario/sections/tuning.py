@@ -5,20 +5,20 @@
     bounds = { K_lambda = [0.0, 8.0] }
     weights = { force = 2.0 }
 
->>> TuningSection().bounds.K_lambda
+>>> tuning_section("robust_adaptive")().bounds.K_lambda
 (0.0, 30.0)
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+import functools
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, Strict, create_model, field_validator, model_validator
 
 from coopmm_jax.errors import UserError, shown
-from coopmm_jax.kinds import cost_terms
+from coopmm_jax.kinds import controllers, cost_terms
 from coopmm_jax.scenario.fields import Count, Finite, NotNegative, Positive, Section, quantity
-from coopmm_jax.scenario.sections.controller import GAINS
 from coopmm_jax.scenario.validation import closest
 
 Adversaries = Annotated[int, Strict(), Field(ge=0, le=32)]  # no search finds more different ones for certain
@@ -32,15 +32,11 @@ def _range(offset: float) -> Any:
     return Annotated[tuple[bound, bound], Field(min_length=2, max_length=2)]
 
 
-_fields: dict[str, Any] = {name: (_range(gain.offset), gain.bounds) for name, gain in GAINS.items()}
-_Ranges = create_model("_Ranges", __base__=Section, **_fields)
-
-
-class Bounds(_Ranges):
+class Bounds(Section):
     """[tuning.bounds]: [low, high] of every entry of a gain; the search is logarithmic between them."""
 
     @model_validator(mode="after")
-    def _low_before_high(self) -> Bounds:
+    def _low_before_high(self) -> Self:
         for name, (low, high) in self:
             if not low < high:
                 raise UserError(name, "a lower and a higher bound", [low, high])
@@ -74,7 +70,8 @@ class Weights(_OfTerms, extra="allow"):
 class TuningSection(Section):
     """[tuning]: which gains are tuned, for what, on how many samples, for how long; see its .bounds and .weights."""
 
-    gains: tuple[str, ...] = quantity(("K_sigma", "gamma", "K_lambda", "K_I"), "gains to tune, by name")
+    path: ClassVar[str] = "tuning"
+    gains: tuple[str, ...] = quantity((), "gains to tune, by name")
     channels: Literal["separate", "shared"] = quantity("separate", "entries of a gain tuned one by one or as one")
     schedule: Knots = quantity(1, "knots over time of every tuned gain, linear between them; 1: constant gains")
     bounds: Bounds = quantity(Bounds(), "[low, high] by gain")
@@ -111,13 +108,30 @@ class TuningSection(Section):
     @field_validator("gains", mode="before")
     @classmethod
     def _known_gains(cls, names: Any) -> Any:
-        known = ", ".join(Bounds.model_fields)
+        tunable: Any = cls.model_fields["bounds"].annotation
+        fields = tunable.model_fields
+        known = ", ".join(fields)
         names = [names] if isinstance(names, str) else names
         if not isinstance(names, list | tuple):
             raise UserError("", f"some of {known}", names)
         for name in names:
-            if not isinstance(name, str) or name not in Bounds.model_fields:
-                raise UserError("", f"some of {known}{closest(shown(name), Bounds.model_fields)}", name)
+            if not isinstance(name, str) or name not in fields:
+                raise UserError("", f"some of {known}{closest(shown(name), fields)}", name)
         if len(set(names)) < len(names) or not names:
             raise UserError("", "different names, at least one", list(names))
         return names
+
+
+@functools.cache
+def tuning_section(name: str) -> type[TuningSection]:
+    """Class of the section [tuning] for the gains of a controller."""
+    made = controllers.controller(name).made
+    ranges: dict[str, Any] = {
+        gain: (_range(about.offset), about.bounds) for gain, about in controllers.gains_of(made).items()
+    }
+    bounds = create_model("Bounds", __base__=Bounds, __doc__=Bounds.__doc__, **ranges)
+    fields: dict[str, Any] = {
+        "gains": (tuple[str, ...], quantity(controllers.tuned(made), "gains to tune, by name")),
+        "bounds": (bounds, quantity(bounds(), "[low, high] by gain")),
+    }
+    return create_model("TuningSection", __base__=TuningSection, __doc__=TuningSection.__doc__, **fields)
