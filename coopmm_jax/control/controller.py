@@ -1,4 +1,4 @@
-"""What a controller sees, and what it answers: the types of the protocol that ``kinds/controllers.py`` declares.
+"""Types of the controllers' protocol, which ``kinds/controllers.py`` declares: what one sees, and what it answers.
 
 A controller is a NamedTuple of its gains, in ``Parameters.gains``. It computes a generalised force F on all joints; the
 torque is B tau = F - J^T lambda_h, and lambda_h = lambda_d less what its ``ForceFeedback`` makes of the force error.
@@ -69,7 +69,7 @@ def from_torque(seen: Seen, torque: Pair[Vector]) -> Pair[Vector]:
 
 
 def recorded(gains: Any, state: PyTree, computed: Mapping[str, Vector | Scalar]) -> dict[str, Vector | Scalar]:
-    """Signals of a controller by name: those that it has computed, and parts of its state.
+    """Signals of a controller by name, numbers or (n,): those that it has computed, and parts of its state.
 
     Args:
         gains: of the controller.

@@ -81,7 +81,7 @@ def gain(
 
 
 def force_gain(meaning: str, bounds: tuple[float, float]) -> Quantity:
-    """Annotation of a proportional force feedback, one per row, which has to exceed -1 (proof of Theorem 3.1)."""
+    """Annotation of a proportional force feedback (m,) [-], which has to exceed -1 (proof of Theorem 3.1)."""
     return gain(meaning, bounds, ROW, above=-1.0, offset=1.0)
 
 
@@ -123,7 +123,7 @@ def name_of(gains: Any) -> str:
 
 
 def gains_of(made: Any) -> dict[str, Gain]:
-    """What is known of each gain of a controller's class, or of its gains, by name."""
+    """Facts on each gain of a controller, given its class or its gains, by name."""
     kind = kind_of(made if isinstance(made, type) else type(made))
     assert kind is not None
     return {name: field.about.more for name, field in kind.fields.items()}
@@ -145,7 +145,7 @@ def shown(made: Any) -> tuple[str, ...]:
 
 
 def signals_of(made: Any) -> Mapping[str, Signal]:
-    """What a run records of a controller, by name."""
+    """Signals of a controller that a run records, by name."""
     return getattr(made, "signals", {})
 
 

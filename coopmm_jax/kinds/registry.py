@@ -69,7 +69,7 @@ def quantity(
 
 
 def bounds_of(about: Quantity) -> dict[str, float]:
-    """Bounds of a number, as pydantic names them."""
+    """Bounds of a number, in its own unit [-], as pydantic names them."""
     given = {"gt": about.above, "ge": about.at_least, "lt": about.below, "le": about.at_most}
     return {name: bound for name, bound in given.items() if bound is not None}
 

@@ -13,7 +13,6 @@ from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_dynamics import Lumped, lump
 from coopmm_jax.mechanics.robot_kinematics import arm_angles
 from coopmm_jax.parameters import (
-    Gains,
     Geometry,
     Hardware,
     Parameters,

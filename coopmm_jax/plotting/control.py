@@ -115,13 +115,21 @@ def torque_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
 
 
 def sigma_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
-    """Draw the filtered error sigma of one robot [rad/s, m/s]."""
+    """Draw the filtered error sigma of one robot [rad/s, m/s].
+
+    Raises:
+        UserError: a controller that does not record it.
+    """
     _check_recorded(group, "sigma")
     time_panel(axes, group, _of_robot("sigma", group, robot), f"{SIGMA} of {robot} [rad/s, m/s]")
 
 
 def bounds_panel(axes: Axes, group: Sequence[Run]) -> None:
-    """Draw the five estimates chat_k."""
+    """Draw the five estimates chat_k.
+
+    Raises:
+        UserError: a controller that does not record it.
+    """
     _check_recorded(group, "c_hat")
     time_panel(axes, group, _entries("c_hat", BOUNDS), "ĉ [N m per unit of f]")
 

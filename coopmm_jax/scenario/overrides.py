@@ -64,6 +64,9 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
 def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Tables of a scenario with changes laid over them, as ``merged``; another controller brings gains of its own.
 
+    Raises:
+        UserError: as ``merged``.
+
     >>> laid_over({"gains": {"gamma": 0.2}}, {"law.controller": "pid"})
     {'law': {'controller': 'pid'}}
     """
