@@ -102,7 +102,7 @@ def test_command_prints_and_writes(answer, files):
         (["stiff"], "GAINS: must be at least two gain files, or one and the word scenario, was 1"),
         (["stiff", "none"], "GAINS: must be a file that can be read, or the word scenario, was"),
         (["stiff", "broken"], "GAINS: must be a TOML file, or the word scenario, was"),
-        (["stiff", "short"], "GAINS: must be a file of [gains] and [law], or the word scenario, was"),
+        (["stiff", "short"], "GAINS: must be a file of [gains], [law] and [schedule], or the word scenario, was"),
         (["stiff", "unknown"], "gains.K_sigmaa: must be a field of [gains] (did you mean K_sigma?), was unknown"),
         (["stiff", "printed"], "law: must be without choices that change the control law's equations"),
         (["stiff", OWN, "--samples", "0"], "--samples: must be at least 1, was 0"),

@@ -86,6 +86,10 @@ class BaseScenario(HardwareSections):
         """
         return validate(type(self), laid_over(self.model_dump(exclude_none=True), changes))
 
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        """Pickle the tables: classes of sections that are made for a controller have no name to be found by."""
+        return validate, (type(self), self.model_dump(exclude_none=True))
+
     def to_toml(self) -> str:
         """Text of a scenario file that loads as an equal scenario, with every value spelt out."""
         return tomli_w.dumps(self.model_dump(exclude_none=True))
