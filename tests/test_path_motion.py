@@ -6,8 +6,8 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax.control.controller import ControllerState
 from coopmm_jax.control.reference import at_instant, desired_motion
+from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.kinds.courses import Sine, Swing
 from coopmm_jax.kinds.paths import Circle
 from coopmm_jax.kinds.timings import Rate, RestToRest

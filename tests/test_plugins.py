@@ -221,7 +221,7 @@ class Mine(NamedTuple):
 """
 ASKED = {
     "sample.speed": "must be free of errors, was AttributeError: 'Sample' object has no attribute 'speed'",
-    "sample.signals.sigma": "must be a function that returns a number: ",
+    'sample.signals.computed["sigma"]': "must be a function that returns a number: ",
 }
 
 
