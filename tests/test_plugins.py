@@ -203,6 +203,14 @@ def test_what_cannot_be_used_is_one_line(registered, tmp_path, value, message):
     assert str(caught.value).startswith(f'disturbance.plugin mine.py: disturbance "mine": value: {message}')
 
 
+def test_a_kind_is_tried_though_another_with_equal_numbers_was(registered, tmp_path):
+    sound, broken = DISTURBANCE.replace('"mine"', '"sound"') + SQUARE, DISTURBANCE + SQUARE.replace("self.a * t", "(t,)")
+    cm.load_plugin(written(tmp_path, f"{sound}\n\n{broken}"))
+    cm.load_scenario("paper", disturbance={"kind": "sound"})
+    with pytest.raises(UserError, match=r'disturbance "mine": value: must be free of errors'):
+        cm.load_scenario("paper", disturbance={"kind": "mine"})
+
+
 METRIC = """
 @cm.register("metric", "mine")
 class Mine(NamedTuple):

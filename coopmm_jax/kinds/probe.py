@@ -25,7 +25,7 @@ def probe(instance: Any) -> None:
         _probe.__wrapped__(instance)
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=256, typed=True)  # kinds of equal numbers are equal tuples
 def _probe(instance: Any) -> None:
     kind = kind_of(type(instance))
     assert kind is not None
