@@ -201,7 +201,7 @@ def main() -> int:
     parser.add_argument("--groups", nargs="*", default=[])
     parser.add_argument("--plugin", action="append", default=[])
     options = parser.parse_args()
-    runtime.use_fast_compilation(batches=True)
+    runtime.use_fast_compilation(batches=not runtime.backend_is_up())
     runtime.use_compilation_cache()
     for plugin in options.plugin:
         plugins.load_plugin(plugin)

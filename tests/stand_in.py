@@ -20,7 +20,7 @@ class StandIn:
         self.scenario = scenario
         arrays = {"t": np.arange(3.0), "torque": np.ones((3, 2, 5))}
         metrics = dict.fromkeys(METRICS, 0.25) | {"settling_time": float("nan")}
-        return SimpleNamespace(**arrays, metrics=metrics, scenario=scenario, **self.outcome)
+        return SimpleNamespace(**arrays, arrays=tuple(arrays), metrics=metrics, scenario=scenario, **self.outcome)
 
 
 if __name__ == "__main__":

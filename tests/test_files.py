@@ -16,13 +16,13 @@ from coopmm_jax.files import (
     locked_folder,
     resolve_path,
     result_folder,
-    versions,
     whole_file,
     write_csv,
     write_json,
     write_npz,
     write_text,
 )
+from coopmm_jax.software import versions
 
 
 def test_new_folder_appears_whole_with_its_parents(tmp_path):

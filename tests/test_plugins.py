@@ -154,7 +154,7 @@ BROKEN = {
     DISTURBANCE.replace("mine", "sine") + SQUARE: 'plugin mine.py: disturbance "sine": must be registered once',
     DISTURBANCE.replace('"mine"', '"my own"') + SQUARE: "plugin mine.py: must be registered as disturbance under",
     DISTURBANCE.replace("disturbance", "disturbence") + SQUARE: (
-        "plugin mine.py: must be registered as one of disturbance"
+        "plugin mine.py: must be registered as one of controller, disturbance"
     ),
     DISTURBANCE + SQUARE + "\n1 / 0\n": "--plugin mine.py: must be a file that runs",
     '@cm.register("metric", "mine")\nclass Mine(NamedTuple):\n    unit, meaning = "m", "x"\n    reduction = "median"\n'
@@ -204,7 +204,10 @@ def test_what_cannot_be_used_is_one_line(registered, tmp_path, value, message):
 
 
 def test_a_kind_is_tried_though_another_with_equal_numbers_was(registered, tmp_path):
-    sound, broken = DISTURBANCE.replace('"mine"', '"sound"') + SQUARE, DISTURBANCE + SQUARE.replace("self.a * t", "(t,)")
+    sound, broken = (
+        DISTURBANCE.replace('"mine"', '"sound"') + SQUARE,
+        DISTURBANCE + SQUARE.replace("self.a * t", "(t,)"),
+    )
     cm.load_plugin(written(tmp_path, f"{sound}\n\n{broken}"))
     cm.load_scenario("paper", disturbance={"kind": "sound"})
     with pytest.raises(UserError, match=r'disturbance "mine": value: must be free of errors'):

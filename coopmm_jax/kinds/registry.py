@@ -216,8 +216,11 @@ def find(group: str, name: Any, field: str = "kind") -> Kind:
 
 def kind_of(made: type) -> Kind | None:
     """Kind that a class is registered as, if it is."""
-    kinds = (kind for group in _KINDS.values() for kind in group.values())
-    return next((kind for kind in kinds if kind.made is made), None)
+    for kinds in _KINDS.values():
+        for kind in kinds.values():
+            if kind.made is made:
+                return kind
+    return None
 
 
 @contextlib.contextmanager

@@ -29,7 +29,8 @@ class Samples:
 
     def __init__(self, parameters: Parameters):
         leaves, self.structure = jax.tree.flatten(parameters)
-        self.rows = np.stack([np.asarray(leaf, float) for leaf in leaves], axis=-1)
+        count = max(np.shape(leaf) for leaf in leaves)  # numbers of a path that do not vary are () for all
+        self.rows = np.stack([np.broadcast_to(np.asarray(leaf, float), count) for leaf in leaves], axis=-1)
 
     def __len__(self) -> int:
         return len(self.rows)

@@ -76,7 +76,11 @@ def schedule_section(name: str) -> type[Any]:
 
 
 def _schedulable(name: str) -> tuple[str, ...]:
-    made = controller(name).made
+    return _schedulable_of(controller(name).made)
+
+
+@functools.cache  # a scenario is made hundreds of times while it is loaded, varied and swept
+def _schedulable_of(made: type) -> tuple[str, ...]:
     return tuple(gain for gain in gains_of(made) if gain not in initial(made))
 
 
