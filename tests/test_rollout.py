@@ -112,5 +112,6 @@ def test_new_numbers_compile_nothing(program):
         disturbance=(Disturbance(Sine(phase=0.3), scale=2.0),),
     )
     assert program(PAPER, steps=1).health.status == Status.OK
+    traces = program.traces  # other tests of the session may have asked for other structures
     assert program(other, 2e-3, 50).health.status == Status.OK
-    assert program.traces == 1
+    assert program.traces == traces

@@ -55,6 +55,9 @@ def load_scenario(name_or_path: str | Path, **overrides: Any) -> Scenario:
 def list_scenarios() -> dict[str, str]:
     """Shipped scenarios: name -> one line of description.
 
+    Raises:
+        UserError: the file of one cannot be read.
+
     >>> "paper" in list_scenarios()
     True
     """
