@@ -2,11 +2,8 @@
 
 import ast
 import json
-import os
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -23,8 +20,8 @@ from coopmm_jax.kinds import metrics, registry
 from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.table import check_finite as check_metrics
 from coopmm_jax.software import check_plugins, versions
-from tests import plugin_page, readme_worker
-from tests.test_readme import blocks, commands
+from tests import plugin_page
+from tests.test_readme import blocks, carried_out, commands
 from tuning.cost.objective import TERMS, Objective
 from tuning.cost.objective import check_finite as check_terms
 
@@ -65,18 +62,7 @@ def folder(tmp_path_factory):
 def results(folder):
     """Outcome of each command, and of the block of Python, all in one process."""
     jobs = [("command", command, small(command)) for command in COMMANDS] + [("block", block, []) for block in USE]
-    own = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "-m", readme_worker.__name__],
-        input=json.dumps(jobs),
-        cwd=folder,
-        env=os.environ | own,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return {text: result for (_, text, _), result in zip(jobs, json.loads(done.stdout), strict=True)}
+    return carried_out(jobs, folder)
 
 
 @pytest.fixture

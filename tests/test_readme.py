@@ -88,17 +88,8 @@ COMMANDS = [command for command in FOUND if command not in MAKE]
 BLOCKS = [block for text in READMES for block in blocks(text)]
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("reader")
-
-
-@pytest.fixture(scope="module")
-def results(folder):
-    """Command or block -> what came of it, in the order of the READMEs, as some need what others wrote."""
-    known = [command for command in COMMANDS if command in SMALL]
-    (folder / "short_tuning.toml").write_text(load_scenario("sensed", **split(SHORT_TUNING)[1]).to_toml(), "utf-8")
-    jobs = [("command", command, SMALL[command]) for command in known] + [("block", block, []) for block in BLOCKS]
+def carried_out(jobs, folder):
+    """Command or block -> what came of it in a folder: jobs as ``readme_worker`` takes them, in one process."""
     own = {"JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [sys.executable, "-m", readme_worker.__name__],
@@ -111,6 +102,20 @@ def results(folder):
     )
     assert done.returncode == 0, done.stderr
     return {text: result for (_, text, _), result in zip(jobs, json.loads(done.stdout), strict=True)}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("reader")
+
+
+@pytest.fixture(scope="module")
+def results(folder):
+    """Command or block -> what came of it, in the order of the READMEs, as some need what others wrote."""
+    known = [command for command in COMMANDS if command in SMALL]
+    (folder / "short_tuning.toml").write_text(load_scenario("sensed", **split(SHORT_TUNING)[1]).to_toml(), "utf-8")
+    jobs = [("command", command, SMALL[command]) for command in known] + [("block", block, []) for block in BLOCKS]
+    return carried_out(jobs, folder)
 
 
 def test_commands_are_found_in_all_kinds_of_code():
