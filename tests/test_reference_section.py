@@ -1,6 +1,7 @@
 """The section [reference] along paths: scenarios, what is refused, fits of waypoints, CSV files and tables."""
 
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -118,6 +119,14 @@ def test_a_straight_path_teaches_too_little():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_reference(scenario())
+
+
+def test_a_law_without_k2_is_not_said_to_learn_too_little():
+    straight = scenario(reference={"path": {"kind": "open", "x": [0.0, 5.0], "y": [0.0, 0.0]}})
+    numbers = straight.parameters()._replace(gains=())  # of another controller
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_reference(SimpleNamespace(parameters=lambda: numbers, simulation=straight.simulation))
 
 
 def test_paths_in_closed_form():

@@ -63,8 +63,10 @@ def check_reference(scenario: Scenario) -> None:
     fastest = max(np.abs(course.turn).max(), course.speed.max())
     if not fastest < SPEED_LIMIT:
         raise UserError("reference.timing", f"slow enough for {SPEED_LIMIT:g} rad/s and m/s", f"up to {fastest:.3g}")
-    duration = scenario.simulation.duration
-    persistence = float(parameters.gains.k2) * float(np.mean(course.turn**2)) * duration
+    duration, k2 = scenario.simulation.duration, getattr(parameters.gains, "k2", None)
+    if k2 is None:  # a controller that removes lateral errors in another way
+        return
+    persistence = float(k2) * float(np.mean(course.turn**2)) * duration
     if persistence < PERSISTENT and duration >= LONG:
         text = f"reference: turns too little (persistence {persistence:.2g}, at least {PERSISTENT:g}) to remove"
         warnings.warn(Notice(f"{text} lateral errors within the run"), stacklevel=3)
