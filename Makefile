@@ -13,8 +13,7 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 p
 
 demo: $(VENV)/.installed
 	$(BIN)/python -m experiments.reproduce_paper --out results/paper
-	rm -rf results/demo  # a tuning run is never overwritten, only resumed
-	$(BIN)/coopmm tune sensed --tuning.budget 60 --out results/demo
+	$(BIN)/coopmm tune sensed --tuning.budget 60 --out results/demo --overwrite
 
 # Two workers, each keeping whole files, so that a file's compiled functions are shared by its tests.
 test: $(VENV)/.installed-test

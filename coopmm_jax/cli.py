@@ -22,7 +22,8 @@ from typing import NoReturn
 
 import coopmm_jax
 from coopmm_jax import plugins, runtime, terminal
-from coopmm_jax.commands import BAD_INPUT, animate, report, scenarios, simulate, sweep
+from coopmm_jax.commands import BAD_INPUT, animate, help, init, metrics, report, scenarios, simulate, sweep
+from coopmm_jax.commands.completion import SHELLS, PrintCompletion
 from coopmm_jax.commands.fields import takes_names
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario import overrides
@@ -132,6 +133,9 @@ def _parser(command: Sequence[str]) -> argparse.ArgumentParser:
     parser = _Parser(prog="coopmm", description=(coopmm_jax.__doc__ or "").partition("\n")[0], allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"coopmm {coopmm_jax.__version__}")
     parser.add_argument(plugins.OPTION, metavar="FILE", help="Python file that registers kinds; may be given again")
+    parser.add_argument(
+        "--print-completion", choices=SHELLS, action=PrintCompletion, help="print a script of completions for a shell"
+    )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     parser.set_defaults(sweeps=False)
     for module in _modules():
@@ -151,7 +155,7 @@ def _modules() -> Iterator[ModuleType]:
     Raises:
         UserError: a module that cannot be imported.
     """
-    yield from (simulate, animate, sweep, report, scenarios)
+    yield from (simulate, animate, sweep, report, init, scenarios, metrics, help)
     for point in sorted(entry_points(group=ENTRY_POINTS)):
         try:
             yield point.load()

@@ -188,6 +188,23 @@ def result_folder(target: str | Path, option: str = "--out") -> Iterator[Path]:
             raise UserError(option, must, f"{target} ({error.strerror})") from None
 
 
+def check_unused(target: Path, option: str, *, file: bool = False, help_by: str = "--overwrite") -> None:
+    """Refuse a place where results stand already.
+
+    Args:
+        target: where new ones are to be written.
+        option: what the user knows the target as, for the error.
+        file: it is to be a file, not a folder; a folder may be there, but with nothing in it that is not hidden.
+        help_by: options that allow what is refused.
+
+    Raises:
+        UserError: there is such a file, or such a folder.
+    """
+    inside = target.iterdir() if target.is_dir() and not file else ()
+    if (file and target.is_file()) or any(not path.name.startswith(".") for path in inside):
+        raise UserError(option, f"a place without results, or {help_by} given", target)
+
+
 def check_folder(target: str | Path, option: str = "--out") -> None:
     """Find out before a long run whether results can be written.
 

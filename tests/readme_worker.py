@@ -59,7 +59,8 @@ def run_command(text, more):
     main = cli.main
     if program == "python":
         assert words[0] == "-m", text
-        main = importlib.import_module(words[1]).main
+        module = importlib.import_module(words[1])
+        main = getattr(module, "main", None) or importlib.import_module(f"{words[1]}.__main__").main
         words = words[2:]
     sys.argv = [program, *words, *more]
     try:

@@ -13,7 +13,7 @@ def test_command_compares_scenarios_and_results(simulated_paper, tmp_path, capsy
     out = ["--out", str(tmp_path / "film.gif")]
     assert main(["animate", "paper", "--gains.k0", "4", "--against", "paper", *SHORT, *out]) == 0
     assert capsys.readouterr().out == f"written to {tmp_path / 'film.gif'}: 6 frames\n"
-    assert main(["animate", str(tmp_path), "--against", "paper", *SHORT, *out]) == 0
+    assert main(["animate", str(tmp_path), "--against", "paper", *SHORT, *out, "--overwrite"]) == 0
     assert capsys.readouterr().out.endswith(": 26 frames\n")
 
 
@@ -31,6 +31,10 @@ def test_command_shows_a_failed_run_and_says_so(tmp_path, capsys):
         (["papr", "--out", "x.gif"], "scenario: must be one of "),
         (["paper", "--out", "x.gif", "--against", "papr"], "scenario: must be one of "),
         (["paper", "--out", "x.avi"], "--out: must be a file that ends in .gif, .html, .mp4, was x.avi"),
+        (
+            ["empty", "--gains-file", "tuned", "--out", "x.gif"],
+            "--gains-file: must be given with a scenario to simulate, was given with empty",
+        ),
         (["paper", "--out", "x.gif", "--width", "398"], "width: must be an even number of pixels"),
         (["empty", "--out", "x.gif"], "run: must be a folder that coopmm simulate --out has written, was empty ("),
         (

@@ -153,7 +153,10 @@ def test_worst_samples_are_different_ones_even_if_fewer_than_asked_for(failing):
     ("arguments", "message"),
     [
         (["paper"], "uncertainty: must be given"),
-        (["sensed", "--out", "{folder}/there.toml"], "--out: must be a file that does not exist yet"),
+        (
+            ["sensed", "--out", "{folder}/there.toml"],
+            "--out: must be a place without results, or --overwrite given, was",
+        ),
         (["sensed", "--out", "{folder}/worst.txt"], "--out: must be a .toml file"),
         (["sensed", "--out", "{folder}/there.toml/worst.toml"], "--out: must be a folder that can be written"),
         (["sensed", "--compare-random", "-3"], "--compare-random: must be at least 1"),

@@ -77,7 +77,7 @@ def test_a_figure_that_fails_is_one_warning_and_leaves_no_older_one(simulation, 
     assert main(["simulate", "paper", "--out", str(tmp_path)]) == 0
     assert (tmp_path / "overview.png").exists()
     monkeypatch.setattr(plotting, "overview", lambda trajectory: 1 / 0)
-    assert main(["simulate", "paper", "--gains.k0", "4", "--out", str(tmp_path)]) == 0
+    assert main(["simulate", "paper", "--gains.k0", "4", "--out", str(tmp_path), "--overwrite"]) == 0
     said = "coopmm: warning: overview.png was left out (ZeroDivisionError: division by zero)\n"
     assert capsys.readouterr().err == said
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scenario.toml", "summary.json", "trajectory.npz"]

@@ -159,7 +159,7 @@ def test_command_writes_gains_that_can_be_used_and_overwrites_nothing(rollouts, 
         assert gains.K_I[0] == float(row["K_I"])
     before = {file: file.read_bytes() for file in out.iterdir()}
     assert main(["tune", str(path), "--pareto", "3", "--out", str(out)]) == 2
-    assert "--out: must be a folder without a front, was" in capsys.readouterr().err
+    assert "--out: must be a place without results, or --resume or --overwrite given, was" in capsys.readouterr().err
     assert {file: file.read_bytes() for file in out.iterdir()} == before
 
 

@@ -27,12 +27,17 @@ def test_a_store_by_other_settings_is_refused(sweep, scenario, tmp_path):
         ({"sampling": "sobol"}, f"sampling: must be independent, as {store} was made with, was sobol"),
         ({"keep": 1}, f"keep: must be 0, as {store} was made with, was 1"),
         ({"samples": 4}, f"samples: must be at least 8, as {store} has, was 4"),
-        ({"resume": False}, f"out: must be a path where nothing is, or a sweep's store to --resume, was {store}"),
+        (
+            {"resume": False},
+            f"out: must be a path where nothing is, or a sweep's store to --resume or --overwrite, was {store}",
+        ),
     ):
         with pytest.raises(UserError) as error:
             sweep(**{"out": store, "resume": True} | options)
         assert str(error.value) == message
     assert {path: path.read_bytes() for path in store.rglob("*") if path.is_file()} == before
+    anew = sweep(8, scenario=other, out=store, overwrite=True)
+    assert bits(anew) == bits(sweep(8, scenario=other))
 
 
 def test_a_corrupt_chunk_is_named_and_can_be_computed_again(sweep, thousand, tmp_path, capsys):
@@ -83,7 +88,7 @@ def test_a_full_disk_loses_nothing(sweep, thousand, tmp_path):
         (["--uncertainty", "bad.toml"], "--uncertainty: must be a TOML file, was bad.toml ("),
         (
             ["--out", "gains.toml"],
-            "out: must be a path where nothing is, or a sweep's store to --resume, was gains.toml",
+            "out: must be a path where nothing is, or a sweep's store to --resume or --overwrite, was gains.toml",
         ),
         (["--out", "gains.toml", "--resume"], "store: must be the store of a sweep, was gains.toml ("),
         (

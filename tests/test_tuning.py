@@ -12,6 +12,7 @@ import pytest
 
 import tuning
 from coopmm_jax.errors import UserError
+from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import load_scenario
 from tests import kill_worker
 from tests.closed_costs import MASS, QUICK, replace_rollouts, scenario
@@ -264,6 +265,8 @@ def test_nothing_is_overwritten_by_a_run_that_does_not_fit(rollouts, tmp_path):
         with pytest.raises(UserError, match=message):
             tuning.tune(changed, out=out, resume=resume)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    anew = tuning.tune(settings.with_overrides({"gains.K_a": 3.0}), out=out, overwrite=True)
+    assert load_scenario("paper", **read_gains(out)).parameters().gains.K_a == anew.gains.K_a == 3.0
     with pytest.raises(UserError, match="--resume: must be used with a folder that has"):
         tuning.tune(settings, out=tmp_path / "other", resume=True)
     (out / state.NAME).write_bytes(b"PK spoilt")

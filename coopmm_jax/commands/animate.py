@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import coopmm_jax
 from coopmm_jax.commands import DONE, ROLLOUT_FAILED
 from coopmm_jax.commands.fields import OVERRIDES
+from coopmm_jax.commands.options import add_gains_file, add_overwrite, check_out, with_gains
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path, result_folder
 from coopmm_jax.runs.store import read_run
@@ -33,6 +34,8 @@ def add(commands: Subparsers) -> None:
     parser.add_argument("shown", metavar="SCENARIO|DIR", help="a scenario, or a folder of coopmm simulate --out")
     parser.add_argument("--out", metavar="FILE", required=True, help="a .gif, .html or .mp4 (needs ffmpeg) file")
     parser.add_argument("--against", metavar="SCENARIO|DIR", help="another run, to show beside it")
+    add_overwrite(parser)
+    add_gains_file(parser, "gains for SCENARIO: a TOML file, or a folder of coopmm tune or simulate")
     parser.add_argument("--fps", type=float, default=25.0, help="frames per second (%(default)g)")
     parser.add_argument("--speed", type=float, default=1.0, help="simulated seconds per second (%(default)g)")
     parser.add_argument("--width", type=int, default=800, help="of the picture, in pixels (%(default)d)")
@@ -52,6 +55,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     write, look = film.writer(path), {"fps": options.fps, "speed": options.speed, "width": options.width}
     film.check_look(**look, count=1 if options.against is None else 2)
     shown = _shown(options, changes)
+    check_out(options, path, file=True)
     film.frame_count(max(map(_duration, shown.values())), **look)
     with result_folder(path.parent) as folder:
         runs = {label: _trajectory(source) for label, source in shown.items()}
@@ -66,14 +70,17 @@ def _shown(options: argparse.Namespace, changes: dict[str, Any]) -> dict[str, Sc
     common = {name: value for name, value in changes.items() if name.startswith("simulation.")}
     own = {name: value for name, value in changes.items() if name not in common}
     folder = _folder(options.shown)
+    gains = {} if options.gains_file is None else {"gains": _name(options.gains_file)}
+    if folder is not None and gains:
+        raise UserError("--gains-file", "given with a scenario to simulate", f"given with {folder}")
     second: dict[str, Scenario | Path] = {}
     if options.against is not None:
         second[_name(options.against)] = _folder(options.against) or load_scenario(options.against, **common)
     unused = own if any(isinstance(source, Scenario) for source in second.values()) else changes
     if folder is not None and unused:
         raise UserError(f"--{next(iter(unused))}", "given with a scenario to simulate", f"given with {folder}")
-    label = ", ".join([_name(options.shown), *(f"{name} {value}" for name, value in own.items())])
-    first = {label: folder or load_scenario(options.shown, **changes)}
+    label = ", ".join([_name(options.shown), *(f"{name} {value}" for name, value in (gains | own).items())])
+    first = {label: folder or load_scenario(options.shown, **with_gains(options, changes))}
     return first | {name if name != label else f"{name} (--against)": source for name, source in second.items()}
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args, get_origin
+from collections.abc import Iterator
+from typing import Any
 
-from coopmm_jax.kinds import registry
-from coopmm_jax.scenario.kind_sections import Chosen, choice_of, section
+from coopmm_jax.errors import UserError
+from coopmm_jax.scenario import catalogue, places
+from coopmm_jax.scenario.catalogue import NOT_GIVEN, Entry
 from coopmm_jax.scenario.scenario import Scenario
-from coopmm_jax.scenario.sections.controller import GainsSection, all_controllers, gains_section
 
 OVERRIDES = "[--section.field VALUE ...]"
 
@@ -16,66 +17,55 @@ def fields_help() -> str:
     """Text that lists every field with its default, meaning and unit."""
     lines = ["overrides, after SCENARIO (values are TOML; several values make a list, one number fills a list):"]
     told: dict[str, str] = {}
-    for name, info in Scenario.model_fields.items():
-        if info.annotation is GainsSection:
-            lines += ["", GainsSection.__doc__ or "[gains]:", *_of_controllers(told)]
-        elif hasattr(info.annotation, "model_fields"):
-            lines += ["", info.annotation.__doc__ or f"[{name}]:"]  # Python may leave docstrings out
-            lines += _of_section(name, type(info.default), told)  # of the default controller, if there are several
-        elif choice := choice_of(info):
-            lines += ["", choice.base.__doc__ or f"[{name}]:", *_of_kinds(name, info, choice, told)]
+    for name, title in catalogue.sections().items():
+        lines += ["", title, *(told_of(entry) for entry in catalogue.entries(name, told))]
     return "\n".join(lines)
 
 
-def _of_section(path: str, section: Any, told: dict[str, str], *without: str) -> list[str]:
-    lines = []
-    for name, info in section.model_fields.items():
-        place = f"{path}.{name}"
-        if choice := choice_of(info):
-            lines += _of_kinds(place, info, choice, told)
-        elif name not in without:
-            lines.append(_line(place, info))
-    return lines
+def section_help(name: str, label: str = "", scenario: Scenario | None = None) -> Iterator[str]:
+    """Lines on one section's fields.
 
-
-def _of_controllers(told: dict[str, str]) -> list[str]:
-    """Lines on the gains of each controller."""
-    lines = []
-    for name in all_controllers():
-        section = gains_section(name)
-        lines += [f"  {section.__doc__}", *_of_section("gains", section, told)]
-    return lines
-
-
-def _of_kinds(path: str, info: Any, choice: Chosen, told: dict[str, str]) -> list[str]:
-    """Lines on the fields that all kinds of a group have, then on those of each kind.
-
-    ``told`` says where those of a group stand already, by the group's name.
+    Args:
+        name: of the section.
+        label: of the scenario, before its own values.
+        scenario: whose values are told where they are not the defaults.
     """
-    kinds = registry.known(choice.group)
-    meaning = info.description or registry.GROUPS[choice.group].meaning
-    default = f" (default {choice.default or 'none'})"
-    first = f"  {_option(f'{path}.kind'):28} {meaning}: {' or '.join(kinds)}{default}"
-    if choice.group in told:
-        return [f"{first}, with the fields of {told[choice.group]}"]
-    told[choice.group] = f"--{path}"
-    lines = [first, *_of_section(path, choice.base, told, "kind")]
-    for name in kinds:
-        described = section(choice.group, name, choice.base)
-        text = " ".join((described.__doc__ or "").split())
-        lines += [f"  {name}: {text}", *_of_section(path, described, told, *choice.base.model_fields)]
-    return lines
+    yield catalogue.sections()[name]
+    kind = ""
+    for entry in catalogue.entries(name):
+        kind = entry.kind if entry.heading else kind
+        if name == "gains" and scenario is not None and kind != scenario.law.controller:
+            continue
+        own = NOT_GIVEN if scenario is None else _own(scenario, entry)
+        yield told_of(entry, label, own)
 
 
-def _option(place: str) -> str:
+def told_of(entry: Entry, label: str = "", own: Any = NOT_GIVEN) -> str:
+    """Line on a field, or heading above a kind's.
+
+    Args:
+        entry: the field.
+        label: of a scenario.
+        own: value that the scenario has there.
+    """
+    if entry.heading:
+        return f"  {entry.text}" if entry.place == "gains" else f"  {entry.kind}: {entry.text}"
+    meaning = entry.text + (": " if entry.choices else "") + " or ".join(entry.choices)
+    alike = isinstance(entry.default, tuple) and entry.default == (own,) * len(entry.default)
+    values = [] if own is NOT_GIVEN or own == entry.default or alike else [f"{label}: {shown(own, entry.place)}"]
+    values += [] if entry.default is NOT_GIVEN else [f"default {shown(entry.default, entry.place)}"]
+    told = f" ({', '.join(values)})" if values else ""
+    more = f", with the fields of {option(entry.as_well)}" if entry.as_well else ""
+    return f"  {option(entry.place):28} {meaning}{told}{more}"
+
+
+def option(place: str) -> str:
+    """Override of a field.
+
+    >>> option("gains.K_I")
+    '--gains.K-I'
+    """
     return f"--{place.replace('_', '-')}"
-
-
-def _line(place: str, info: Any) -> str:
-    choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
-    meaning = (info.description or "") + (": " if choices else "") + " or ".join(choices)
-    default = "" if info.is_required() else f" (default {_default(info.default, place)})"
-    return f"  {_option(place):28} {meaning}{default}"
 
 
 def takes_names(key: str) -> bool:
@@ -90,9 +80,25 @@ def takes_names(key: str) -> bool:
     return field in fields and fields[field].annotation == tuple[str, ...]
 
 
-def _default(value: Any, place: str) -> str:
+def shown(value: Any, place: str) -> str:
+    """Value of a field for a reader.
+
+    >>> shown((1.0, 0.5), "plant.m_p"), shown(None, "nominal.m_p")
+    ('1 0.5', "the plant's")
+    """
     if isinstance(value, tuple):
-        return " ".join(_default(entry, place) for entry in value)
+        return " ".join(shown(entry, place) for entry in value)
     if value is None:
         return "the plant's" if place.startswith("nominal.") else "none"
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _own(scenario: Scenario, entry: Entry) -> Any:
+    """Value of a field in a scenario, if it has the kind that the field belongs to."""
+    path = entry.place.rpartition(".")[0]
+    try:
+        if entry.kind and path != "gains" and places.find(scenario, (*path.split("."), "kind")).value != entry.kind:
+            return NOT_GIVEN
+        return places.find(scenario, entry.place.split(".")).value
+    except UserError:  # of a section that is left out
+        return NOT_GIVEN

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import coopmm_jax
 from coopmm_jax.commands import DONE, ROLLOUT_FAILED
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
+from coopmm_jax.commands.options import add_gains_file, add_overwrite, check_out, with_gains
 from coopmm_jax.errors import UserError, one_line
 from coopmm_jax.files import resolve_path, result_folder
 from coopmm_jax.metrics.table import METRICS, as_text, shown
 from coopmm_jax.runs.store import write_run
-from coopmm_jax.scenario.gains_file import read_gains
-from coopmm_jax.scenario.overrides import merged
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
@@ -39,11 +38,12 @@ def add(commands: Subparsers) -> None:
     )
     parser.add_argument("--from", dest="store", metavar="STORE", help="a sweep's store, to replay one of its samples")
     parser.add_argument("--sample", metavar="N", type=int, help="which sample of STORE, counted from 0")
-    parser.add_argument("--gains-file", metavar="FILE", help="TOML file with [gains], as coopmm tune writes it")
+    add_gains_file(parser)
     parser.add_argument("--precision", choices=("float64", "float32"), help="short for --simulation.precision")
     parser.add_argument(
         "--out", metavar="DIR", help="folder for scenario.toml, trajectory.npz, summary.json and overview.png"
     )
+    add_overwrite(parser)
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
 
 
@@ -51,16 +51,17 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     """Simulate, print, and write results if a folder is named.
 
     Raises:
-        UserError: not one source of the scenario, or as ``load_scenario``, ``replay``, ``read_gains`` and ``simulate``.
+        UserError: not one source of the scenario, results that are there already, or as ``load_scenario``,
+            ``replay``, ``read_gains`` and ``simulate``.
     """
-    if options.gains_file is not None:
-        changes = merged(read_gains(options.gains_file), changes)
+    changes = with_gains(options, changes)
     if options.precision:
         changes = changes | {"simulation.precision": options.precision}
     scenario = _scenario(options, changes)
     if options.out is None:
         return _report(scenario, coopmm_jax.simulate(scenario))
     target = resolve_path(options.out, "--out")
+    check_out(options, target)
     with result_folder(target) as folder:
         trajectory = coopmm_jax.simulate(scenario)
         write_run(folder, scenario, trajectory)

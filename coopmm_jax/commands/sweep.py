@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
+from coopmm_jax.commands.options import add_gains_file, add_overwrite, with_gains
 from coopmm_jax.commands.report import publish_and_print, report_folder
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import check_folder
@@ -28,12 +29,14 @@ def add(commands: Subparsers) -> None:
         allow_abbrev=False,
     )
     parser.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario's name, or the path of a TOML file")
+    add_gains_file(parser)
     parser.add_argument("--uncertainty", metavar="FILE", help="TOML file with [uncertainty] and [requirements]")
     parser.add_argument("--samples", metavar="N", type=int, help="how many (default 1000)")
     parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
     parser.add_argument("--sampling", default="independent", help="independent (default), or sobol")
     parser.add_argument("--out", metavar="STORE", default="sweep.zarr", help="zarr store (default sweep.zarr)")
     parser.add_argument("--resume", action="store_true", help="go on with STORE, and make it larger if N says so")
+    add_overwrite(parser)
     parser.add_argument("--keep", metavar="K", type=int, default=64, help="keep time series of K samples (default 64)")
     parser.add_argument("--batch", metavar="B", type=int, default=64, help="samples in one call (default 64)")
     parser.add_argument("--rank", metavar="R", type=int, help="number of this process, if several share STORE")
@@ -51,14 +54,14 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     """
     if options.uncertainty is not None:
         changes = merged(_uncertainty_file(options.uncertainty), changes)
-    scenario = load_scenario(options.scenario, **changes)
+    scenario = load_scenario(options.scenario, **with_gains(options, changes))
     from coopmm_jax.sweeps.processes import share  # imports JAX, as does the next
     from coopmm_jax.sweeps.run import sweep
 
     folder = report_folder(options.out, "out")
     check_folder(folder)
     mine = share(options.rank, options.size, options.coordinator, options.distributed)
-    names = ("samples", "seed", "sampling", "out", "resume", "keep", "batch")
+    names = ("samples", "seed", "sampling", "out", "resume", "overwrite", "keep", "batch")
     data = sweep(scenario, **{name: getattr(options, name) for name in names}, share=mine)
     missing = int((data.status < 0).sum())
     if missing:

@@ -7,18 +7,22 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.files import resolve_path
 from coopmm_jax.kinds.controllers import name_of
 from coopmm_jax.parameters import Schedule
 from coopmm_jax.scenario.overrides import merged, read_toml
+from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.sections.controller import gain_tables
 from coopmm_jax.scenario.sections.schedule import schedule_table
 
+GAINS_FILE, RUN_FILE = "gains.toml", "trajectory.npz"  # of a tuning, of a run
 _SECTIONS = ("gains", "law", "schedule")
 
 
@@ -33,13 +37,30 @@ def gains_text(gains: Any, schedule: Schedule | None = None) -> str:
 def read_gains(path: str | Path) -> dict[str, Any]:
     """The tables of a gains file, to be laid over a scenario: what it says holds, whatever schedule the scenario has.
 
+    Args:
+        path: of the file, or of a folder that has one: ``coopmm tune --out``, or a run's, whose own gains are meant.
+
     Raises:
-        UserError: a file that cannot be read, or that holds anything but [gains], [law] and [schedule].
+        UserError: a file that cannot be read, or that holds anything but [gains], [law] and [schedule]; a folder
+            without gains.
     """
-    tables = read_toml(path, "--gains-file")
+    tables = _tables(path)
     others = [name for name in tables if name not in _SECTIONS]
     if others or "gains" not in tables:
         raise UserError(
             "--gains-file", "a file of [gains], [law] and [schedule]", f"{path} with {', '.join(tables) or 'nothing'}"
         )
     return tables | {"schedule": schedule_table(None) | tables.get("schedule", {})}
+
+
+def _tables(path: str | Path) -> dict[str, Any]:
+    place = resolve_path(path, "--gains-file")
+    if not place.is_dir():
+        return read_toml(path, "--gains-file")
+    if (place / GAINS_FILE).exists():
+        return read_toml(place / GAINS_FILE, "--gains-file")
+    if not (place / RUN_FILE).exists():  # a search that has not ended has the scenario's old gains alone
+        must = f"a file of gains, or a folder with {GAINS_FILE} or with a run"
+        raise UserError("--gains-file", must, f"{path}, a folder with neither")
+    parameters = load_scenario(place / "scenario.toml").parameters()
+    return tomllib.loads(gains_text(parameters.gains, parameters.schedule))

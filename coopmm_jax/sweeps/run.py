@@ -62,6 +62,7 @@ def sweep(
     keep: int = KEEP,
     batch: int = BATCH,
     share: Share = ALONE,
+    overwrite: bool = False,
 ) -> xarray.Dataset:
     """Simulate samples of a scenario with [uncertainty], on all cores or local devices.
 
@@ -78,6 +79,7 @@ def sweep(
         keep: number of samples, the first ones, whose time series are kept.
         batch: samples in one call of the compiled function; more than the default suits a GPU.
         share: this process's part of the work.
+        overwrite: begin anew where there is a store at ``out``.
 
     Returns:
         Parameters, metrics and status by sample, read from the store when they are used.
@@ -86,6 +88,8 @@ def sweep(
         UserError: settings that cannot be used, nothing that varies, a store made by other settings, or one that cannot
             be written.
     """
+    if overwrite and (resume or share != ALONE):
+        raise UserError("--overwrite", "left out with --resume, and where several processes share the store", "given")
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     if seed is not None:
         scenario = scenario.with_overrides({"simulation.seed": seed})
@@ -98,10 +102,12 @@ def sweep(
     contents = _contents(variation, sampling, keep, batch)
     path, places = None if out is None else resolve_path(out, "out"), slots()
     _check_memory(contents, len(places), samples or SAMPLES, path)
-    fresh = path is not None and not path.exists() and share == ALONE
-    store = _store(contents, path, samples, resume, share)
     plausible.warn_of(scenario)
     check_reference(scenario)
+    if overwrite and path is not None and path.exists():
+        sweep_store.discard(path)
+    fresh = path is not None and not path.exists() and share == ALONE
+    store = _store(contents, path, samples, resume, share)
     with _going_again_if_empty(store, fresh), store.locked(share.rank):
         if share.rank == 0:
             store.grow(samples or store.samples)

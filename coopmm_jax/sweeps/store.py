@@ -15,6 +15,7 @@ process, the batches that have a checksum are complete.
 from __future__ import annotations
 
 import os
+import shutil
 import tomllib
 import warnings
 from collections.abc import Mapping
@@ -27,7 +28,7 @@ import zarr
 from zarr.storage import LocalStore, MemoryStore
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import hidden_folder, locked_folder, resolve_path
+from coopmm_jax.files import hidden_folder, locked_folder, read_json, resolve_path
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.validation import validate
 from coopmm_jax.software import check_plugins
@@ -123,7 +124,7 @@ def create(path: Path, contents: Contents, samples: int) -> SweepStore:
         UserError: the path exists, or cannot be written.
     """
     if os.path.lexists(path):
-        raise UserError("out", "a path where nothing is, or a sweep's store to --resume", path)
+        raise UserError("out", "a path where nothing is, or a sweep's store to --resume or --overwrite", path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with hidden_folder(path.parent, path.name) as hidden:
@@ -132,6 +133,22 @@ def create(path: Path, contents: Contents, samples: int) -> SweepStore:
     except OSError as error:
         raise UserError("out", "a place that can be written", f"{path} ({error.strerror})") from None
     return open_store(path, contents)
+
+
+def discard(path: Path) -> None:
+    """Remove a store, whatever it was made with, and nothing but a store.
+
+    Raises:
+        UserError: no store of a sweep, or one that another process works in.
+    """
+    try:
+        known = FINGERPRINT in read_json(path / "zarr.json")["attributes"]
+    except (KeyError, TypeError, ValueError):
+        known = False
+    if not known:
+        raise UserError("out", "the store of a sweep where --overwrite is given", path)
+    with locked_folder(path / "status", "out", ".lock-0"):
+        shutil.rmtree(path)
 
 
 def open_store(path: Path, contents: Contents) -> SweepStore:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES
-from coopmm_jax.files import result_folder
+from coopmm_jax.commands.options import add_overwrite, check_out
+from coopmm_jax.files import resolve_path, result_folder
 from coopmm_jax.scenario.scenario import load_scenario
 
 if TYPE_CHECKING:
@@ -25,17 +26,27 @@ def add(commands: Subparsers) -> None:
         allow_abbrev=False,
     )
     parser.add_argument(
-        "gains", metavar="GAINS", nargs="+", help='TOML file with [gains], or the word "scenario" for SCENARIO\'s own'
+        "gains",
+        metavar="GAINS",
+        nargs="+",
+        help='TOML file with [gains], a folder of coopmm tune or simulate, or the word "scenario" for SCENARIO\'s own',
     )
     parser.add_argument("--scenario", metavar="SCENARIO", required=True, help="a shipped name, or a TOML file")
     parser.add_argument("--samples", metavar="N", type=int, help="how many (default: SCENARIO's tuning.test_samples)")
     parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
     parser.add_argument("--out", metavar="DIR", help="folder for compare.txt, .json, .csv and figures")
+    add_overwrite(parser)
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
-    """Compare, print, and write the report if a folder is named."""
+    """Compare, print, and write the report if a folder is named.
+
+    Raises:
+        UserError: results that are there already, or as ``load_scenario`` and ``compare_gains``.
+    """
+    if options.out is not None:
+        check_out(options, resolve_path(options.out, "--out"))
     if options.seed is not None:
         changes = changes | {"simulation.seed": options.seed}
     scenario = load_scenario(options.scenario, **changes)

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES
+from coopmm_jax.commands.options import add_gains_file, add_overwrite, check_out, with_gains
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path, result_folder, write_text
-from coopmm_jax.scenario.gains_file import read_gains
-from coopmm_jax.scenario.overrides import merged
 from coopmm_jax.scenario.scenario import load_scenario
 
 if TYPE_CHECKING:
@@ -31,10 +30,11 @@ def add(commands: Subparsers) -> None:
     )
     parser.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario's name, or the path of a TOML file")
     parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
-    parser.add_argument("--gains-file", metavar="FILE", help="TOML file with [gains], as coopmm tune writes it")
+    add_gains_file(parser)
     parser.add_argument("--rollouts", metavar="N", type=int, default=409, help="budget (default %(default)d)")
     parser.add_argument("--starts", metavar="N", type=int, default=32, help="of climbs (default %(default)d)")
-    parser.add_argument("--out", metavar="FILE", help="scenario file to write, for coopmm simulate; must not exist")
+    parser.add_argument("--out", metavar="FILE", help="scenario file to write, for coopmm simulate")
+    add_overwrite(parser)
     parser.add_argument(
         "--compare-random",
         metavar="N",
@@ -54,9 +54,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     """
     if options.seed is not None:
         changes = changes | {"simulation.seed": options.seed}
-    if options.gains_file is not None:
-        changes = merged(read_gains(options.gains_file), changes)
-    path = None if options.out is None else _new_file(options.out)
+    changes = with_gains(options, changes)
+    path = None if options.out is None else _new_file(options)
     scenario = load_scenario(options.scenario, **changes)
     from tuning.cost.problem import build_problem, check_count  # imports JAX, as does the next
     from tuning.studies.falsify import falsify, random_costs, table
@@ -76,10 +75,9 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     return DONE
 
 
-def _new_file(name: str) -> Path:
-    path = resolve_path(name, "--out")
+def _new_file(options: argparse.Namespace) -> Path:
+    path = resolve_path(options.out, "--out")
     if path.suffix != ".toml":
-        raise UserError("--out", "a .toml file", name)
-    if path.exists():
-        raise UserError("--out", "a file that does not exist yet", name)
+        raise UserError("--out", "a .toml file", options.out)
+    check_out(options, path, file=True)
     return path

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
+from coopmm_jax.commands.options import add_gains_file, add_overwrite, check_out, with_gains
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import locked_folder, resolve_path, result_folder
-from coopmm_jax.scenario.gains_file import read_gains
-from coopmm_jax.scenario.overrides import merged
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
@@ -34,12 +33,13 @@ def add(commands: Subparsers) -> None:
     )
     parser.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario's name, or the path of a TOML file")
     parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
-    parser.add_argument("--gains-file", metavar="FILE", help="start from the gains that another tuning wrote")
+    add_gains_file(parser, "gains to start from: a TOML file, or a folder of coopmm tune or simulate")
     parser.add_argument("--out", metavar="DIR", default="tuned", help="folder for all results (default tuned)")
     parser.add_argument(
         "--time-budget", metavar="SECONDS", type=float, help="end the search after that long; --resume goes on"
     )
     parser.add_argument("--resume", action="store_true", help="go on with the run in DIR, with the same settings")
+    add_overwrite(parser)
     parser.add_argument("--pareto", metavar="K", type=int, help="tune K weightings between quality and effort at once")
     parser.add_argument(
         "--adversarial",
@@ -53,15 +53,18 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     """Tune, then print and write the report.
 
     Raises:
-        UserError: --resume with --pareto, or as ``read_gains``, ``load_scenario``, ``tune`` and ``tune_front``.
+        UserError: options that exclude each other, results that are there already, or as ``read_gains``,
+            ``load_scenario``, ``tune`` and ``tune_front``.
     """
     if options.seed is not None:
         changes = changes | {"simulation.seed": options.seed}
     if options.adversarial:
         changes = {"tuning.adversaries": ADVERSARIES} | changes
-    if options.gains_file is not None:
-        changes = merged(read_gains(options.gains_file), changes)
-    scenario = load_scenario(options.scenario, **changes)
+    scenario = load_scenario(options.scenario, **with_gains(options, changes))
+    if options.resume and options.overwrite:
+        raise UserError("--overwrite", "left out where --resume is given", "given")
+    if not options.resume:
+        check_out(options, resolve_path(options.out, "--out"), more="--resume or ")
     if options.pareto is not None:
         return _front(scenario, options)
     from tuning.commands.progress import Progress
@@ -75,7 +78,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         ["coopmm", "tune", str(resolve_path(options.out, "--out") / SETTINGS), "--out", str(options.out), "--resume"]
     )
     try:
-        result = tune(scenario, options.out, options.resume, shown.row, shown.stage, limit)
+        result = tune(scenario, options.out, options.resume, shown.row, shown.stage, limit, options.overwrite)
     except KeyboardInterrupt:
         if (resolve_path(options.out, "--out") / NAME).exists():
             print(f"\ngo on by {again}", file=sys.stderr)
@@ -96,14 +99,14 @@ def _front(scenario: Scenario, options: argparse.Namespace) -> int:
     if scenario.tuning.adversaries:
         raise UserError("tuning.adversaries", "0 where --pareto is given", scenario.tuning.adversaries)
     from tuning.commands.progress import Progress
-    from tuning.reports.pareto import check_folder, table, write_report  # slow to import, as the next
+    from tuning.reports.pareto import clear, table, write_report  # slow to import, as the next
     from tuning.studies.pareto import tune_front
 
     target = resolve_path(options.out, "--out")
     shown = Progress(1e6 * scenario.tuning.budget)
     with locked_folder(target), result_folder(target) as folder:
-        check_folder(target)
         front = tune_front(scenario, options.pareto, shown.row, shown.stage)
+        clear(target)
         write_report(folder, front)
     print(table(front), end="")
     print(f"written to {options.out}; compare gains by coopmm compare scenario {options.out}/gains_*.toml --scenario S")

@@ -14,7 +14,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from coopmm_jax.errors import UserError
 from coopmm_jax.files import write_csv, write_text
 from coopmm_jax.plotting.style import GivenAxes, legend, panels, pen, publish, styled
 from coopmm_jax.scenario.gains_file import gains_text
@@ -25,16 +24,10 @@ TABLE = "front.csv"
 _START = "start"  # where others have the name of a gains file
 
 
-def check_folder(folder: Path) -> None:
-    """Check that a folder can take a front.
-
-    Raises:
-        UserError: it has one already.
-    """
-    taken = [folder / TABLE, *sorted(folder.glob("gains_[0-9][0-9].toml"))]
-    for path in taken:
-        if path.exists():
-            raise UserError("--out", "a folder without a front", path)
+def clear(folder: Path) -> None:
+    """Remove a front, so that no gains of it can be taken for a part of the next."""
+    for path in (folder / TABLE, *folder.glob("gains_[0-9][0-9].toml")):
+        path.unlink(missing_ok=True)
 
 
 def write_report(folder: Path, front: Front) -> None:

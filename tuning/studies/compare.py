@@ -73,7 +73,8 @@ def compare_gains(
 
     Args:
         scenario: a scenario, or the name or path of one.
-        sources: paths of gains files, laid over the scenario, or the word "scenario" for its own gains; at least two.
+        sources: paths of gains files or of folders that have them, laid over the scenario, or the word "scenario" for
+            its own gains; at least two.
         samples: number of samples; by default the scenario's tuning.test_samples.
 
     Raises:
@@ -94,12 +95,12 @@ def compare_gains(
 
 
 def labels(sources: Sequence[str | Path]) -> tuple[str, ...]:
-    """Short names of gains files (S,): as much of the end of their paths as tells them apart.
+    """Short names of gains files or folders (S,): as much of the end of their paths as tells them apart.
 
     >>> labels(["a/fast.toml", "a/slow.toml", "a/slow.toml"])
     ('fast', 'slow', 'slow (2)')
     """
-    paths = [Path(source).with_suffix("") for source in sources]
+    paths = [Path(str(source).removesuffix(".toml")) for source in sources]
     depth = 1
     while depth < max(len(path.parts) for path in paths):
         if len({path.parts[-depth:] for path in paths}) == len(set(paths)):

@@ -26,13 +26,18 @@ from coopmm_jax.software import check_plugins, versions
 if TYPE_CHECKING:
     from tuning.studies.result import Row
 
-NAME, HISTORY, SETTINGS = "state.npz", "history.csv", "scenario.toml"
+NAME, HISTORY, SETTINGS, GAINS = "state.npz", "history.csv", "scenario.toml", "gains.toml"
 _KEY = "settings"
 
 
 @contextlib.contextmanager
-def run_folder(out: str | Path | None, resume: bool) -> Iterator[Path | None]:
+def run_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Iterator[Path | None]:
     """The folder of a run, which is this process's alone; a new one goes again if nothing is written.
+
+    Args:
+        out: the folder; None: nothing is kept.
+        resume: it has a run to go on with.
+        overwrite: it may have a run, which ``clear`` is going to remove.
 
     Raises:
         UserError: it has a run that is not to be resumed, or none that is, or it cannot be used.
@@ -44,9 +49,15 @@ def run_folder(out: str | Path | None, resume: bool) -> Iterator[Path | None]:
     if resume and not folder.is_dir():
         raise UserError("--resume", f"used with a folder that has a {NAME}", folder)
     with locked_folder(folder):
-        if not resume and (folder / NAME).exists():
-            raise UserError("--out", "a folder without a tuning run, or --resume given", folder)
+        if not (resume or overwrite) and (folder / NAME).exists():
+            raise UserError("--out", "a folder without a tuning run, or --resume or --overwrite given", folder)
         yield folder
+
+
+def clear(folder: Path) -> None:
+    """Remove a run, so that nothing of it can be taken for a part of the next."""
+    for name in (NAME, HISTORY, GAINS):
+        (folder / name).unlink(missing_ok=True)
 
 
 def write_history(folder: Path, history: Sequence[Row]) -> None:

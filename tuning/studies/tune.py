@@ -66,6 +66,7 @@ def tune(
     progress: Progress | None = None,
     stage: Callable[[str], None] | None = None,
     time_budget: float = np.inf,
+    overwrite: bool = False,
 ) -> TuningResult:
     """Tune the gains that the scenario's [tuning] names.
 
@@ -79,6 +80,7 @@ def tune(
         progress: called with each row of the history.
         stage: called with the name of what begins: compiling, screening, scanning, searching, choosing, measuring.
         time_budget: after which no iteration begins [s]; the search can be resumed.
+        overwrite: begin anew where there is a run.
 
     Raises:
         UserError: settings that cannot be met, a folder that already has a run, or a resume with other settings.
@@ -86,13 +88,15 @@ def tune(
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
     say = stage or (lambda name: None)
-    with jax.enable_x64(True), state.run_folder(out, resume) as folder:
+    with jax.enable_x64(True), state.run_folder(out, resume, overwrite) as folder:
         before = unscaled(scenario)
         chosen = plan(scenario.tuning, scenario.simulation.seed, before.space.size, before.space.knots)
         found = state.read(folder, scenario.to_toml()) if resume and folder else None
         say("compiling")
         threading.Thread(target=compile_ahead, args=(before, chosen), name="compile ahead").start()
         problem = build_problem(scenario)
+        if folder is not None and not resume:
+            state.clear(folder)
         driver = Driver(folder, problem, progress, say)
         run = driver.begin() if found is None else _unpacked(problem, chosen, found)
         if folder is not None:
@@ -104,7 +108,7 @@ def tune(
         say("measuring")
         result = report(problem, vector, run.history, stopped, early)
         if folder is not None:
-            write_text(folder / "gains.toml", gains_file(result))
+            write_text(folder / state.GAINS, gains_file(result))
         return result
 
 

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.scenario.fields import Finite, Flag, Positive, Section
+from coopmm_jax.scenario.fields import Finite, Flag, Positive, Section, quantity
 from coopmm_jax.scenario.overrides import BY_ROBOT, DISTRIBUTION, merged
 from coopmm_jax.scenario.validation import closest, validate
 
@@ -31,6 +31,11 @@ _SHAPES = {  # distribution -> the numbers that describe it
 }
 
 
+def shapes() -> dict[str, tuple[str, ...]]:
+    """Distributions by name, each with the numbers that describe it."""
+    return dict(_SHAPES)
+
+
 class Distribution(Section):
     """Distribution of one number. Without ``relative`` and ``offset`` the drawn value replaces the scenario's."""
 
@@ -39,10 +44,10 @@ class Distribution(Section):
     high: Finite | None = None
     mean: Finite | None = None
     std: Positive | None = None
-    relative: Flag = False  # the draw is a factor on the scenario's value
-    offset: Flag = False  # the draw is added to the scenario's value
-    each: Flag = False  # one draw for each number that the name stands for, not one for all
-    group: Annotated[str, Field(min_length=1)] | None = None  # entries of one group share one draw
+    relative: Flag = quantity(False, "the draw is a factor on the scenario's value")
+    offset: Flag = quantity(False, "the draw is added to the scenario's value")
+    each: Flag = quantity(False, "one draw for each number that the name stands for, not one for all")
+    group: Annotated[str, Field(min_length=1)] | None = quantity(None, "entries of one group share one draw")
 
     @model_validator(mode="after")
     def _consistent(self) -> Distribution:
