@@ -79,7 +79,7 @@ class Plant(NamedTuple):
 
 
 @register("controller", "robust_adaptive")
-@by_module("coopmm_jax.control.robust_adaptive")
+@by_module("coopmm_jax.control.robust_adaptive", "estimates")
 class Gains(NamedTuple):
     """Robust adaptive controller of section III: (12)-(15), (18)-(24), and the force control below (17)."""
 
@@ -102,6 +102,7 @@ class Gains(NamedTuple):
     ] = 1.0
     delta_floor: Annotated[Scalar, gain("lower bound of delta(t) in (19) [-]", (1e-4, 1.0), section="law")] = 0.0
 
+    lateral = "k2"
     tuned = ("K_sigma", "gamma", "K_lambda", "K_I")
     shown = ("sigma", "c_hat")
     signals = {  # noqa: RUF012 - a constant

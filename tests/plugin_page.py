@@ -38,7 +38,9 @@ def table() -> str:
         for attribute in group.attributes:
             values = attribute.allowed
             allowed = "" if isinstance(values, type) else ": " + ", ".join(f"`{value}`" for value in values)
-            default = "" if attribute.default is MISSING else f" (default `{attribute.default}`)"
+            default = (
+                "" if attribute.default is MISSING else f" (default `{attribute.default or repr(attribute.default)}`)"
+            )
             lines.append(f"- `{attribute.name} = ...`: {attribute.meaning}{allowed}{default}")
         lines.append("")
     return "\n".join(lines)

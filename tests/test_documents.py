@@ -11,6 +11,7 @@ import coopmm_jax
 ROOT = Path(__file__).parent.parent
 PAGES = (
     "README.md",
+    "docs/controllers.md",
     "docs/plugins.md",
     "docs/surfaces.md",
     "CONTRIBUTING.md",

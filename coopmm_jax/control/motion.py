@@ -150,6 +150,19 @@ def nominal_force(model: Model, k: Kinematics, acceleration: Vector) -> Pair[Vec
     return constrained_dynamics.required_force(constrained_dynamics.both_dynamics(model.nominal, k), wanted)
 
 
+def as_accelerated(structure: Structure, model: Model, k: Kinematics, acceleration: Vector) -> Pair[Vector]:
+    """F (5,) of each robot that gives u^1 an acceleration where the nominal model is right, in either feed-forward.
+
+    Args:
+        structure: with the feed-forward in force.
+        model: with the nominal masses.
+        k: kinematics of both robots.
+        acceleration: wanted du^1/dt (n,).
+    """
+    nominal = nominal_force(model, k, acceleration)
+    return nominal if structure.feedforward == "full" else partitioning.least_equivalent(k.reduction, nominal)
+
+
 def on_all_joints(structure: Structure, reduction: Reduction, nominal: Pair[Vector], U2: Vector) -> Pair[Vector]:
     """F (5,) of each robot with L^T F = U1 + U2: ``projected`` as substituted after (40), ``full`` as in (17)."""
     if structure.feedforward == "full":

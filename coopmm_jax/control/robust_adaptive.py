@@ -5,19 +5,17 @@ Its gains are ``parameters.Gains``, whose methods are the functions of this modu
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from coopmm_jax.algebra.matrix import minus
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control import adaptive, backstepping, motion
 from coopmm_jax.control.controller import Command, Freedom, Seen
-from coopmm_jax.control.force import ForceFeedback, pi_feedback
-from coopmm_jax.control.gain_schedule import rate
-from coopmm_jax.control.reference import Desired, desired_motion
-from coopmm_jax.mechanics.partitioning import split
-from coopmm_jax.mechanics.robot import PLATFORM, per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position, position_rates
+from coopmm_jax.control.filtered_error import Filtered, filtered, force_feedback
+from coopmm_jax.control.reference import desired_motion
+from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.parameters import Gains
+
+__all__ = ["command", "estimates", "force_feedback", "robust_term", "start"]
 
 
 class ControllerState(NamedTuple):
@@ -42,39 +40,33 @@ def start(gains: Gains, freedom: Freedom, zero: Scalar) -> ControllerState:
 
 def command(gains: Gains, seen: Seen, state: ControllerState) -> Command:
     """(18)-(24) with the nominal model, and the generalised force F on all joints, with L^T F = U1 + U2."""
-    structure, model, t, k, independent = seen
-    part, position = k.reduction.part, k.bodies.position
-    targets = desired_motion(model.reference, t)
-
-    def eta_rate(desired: Desired, at: Position, eta: Scalar) -> Scalar:
-        return backstepping.eta_rate(gains, desired, at, eta)
-
-    eta_rates = per_robot(eta_rate, targets, position, state.eta)
-    rates = per_robot(position_rates, position, k.velocity)
-    z, z_rate = motion.reference_and_rate(model, part, (t, position, state.eta), rates, eta_rates)
-    K_u_rate = rate("K_u", model.schedule, t)
-    errors = motion.motion_errors(gains, part, z, z_rate, independent, state.integral, K_u_rate)
-    damping = tuple(gain * s for gain, s in zip(gains.K_sigma, errors.sigma, strict=True))
-    acceleration = minus(errors.nu_rate, damping)
-    first, second = split(part, errors.utilde)
-
-    f = motion.regressors(k, acceleration, independent)
-    one, two = per_robot(lambda d, p: backstepping.coupling_signal(gains, d, p), targets, position)
-    platform_error = first[:PLATFORM] + second[:PLATFORM]
-    U2 = adaptive.robust_force(structure, gains, f, errors.sigma, state.c_hat, platform_error, one + two, t)
-    force = motion.on_all_joints(structure, k.reduction, motion.nominal_force(model, k, acceleration), U2)
-    integral_rate = first[PLATFORM:] + second[PLATFORM:]
-    c_hat_rate = adaptive.adaptation(gains, f, errors.sigma, state.c_hat, t)
+    structure, model, t, k, _ = seen
+    now = filtered(gains, seen, state.integral, state.eta)
+    U2, f = robust_term(gains, seen, now, state.c_hat)
+    force = motion.on_all_joints(structure, k.reduction, motion.nominal_force(model, k, now.acceleration), U2)
+    c_hat_rate = adaptive.adaptation(gains, f, now.sigma, state.c_hat, t)
 
     def state_rates(force_error: Vector) -> ControllerState:
-        return ControllerState(integral_rate, eta_rates, c_hat_rate, force_error)
+        return ControllerState(now.integral_rate, now.eta_rates, c_hat_rate, force_error)
 
-    return Command(force, state_rates, {"sigma": errors.sigma})
+    return Command(force, state_rates, {"sigma": now.sigma})
 
 
-def force_feedback(gains: Gains, state: ControllerState) -> ForceFeedback:
-    """lambda_h = lambda_d - K_lambda e_lambda - K_I E, below (17)."""
-    return pi_feedback(gains.K_lambda, gains.K_I, state.force_integral)
+def robust_term(gains: Any, seen: Seen, now: Filtered, c: Vector) -> tuple[Vector, adaptive.Regressors]:
+    """U2 of (19) (n,), and the factors f_k of its bounds.
+
+    Args:
+        gains: of a controller, with beta, lam_min and delta_floor.
+        seen: by the controller.
+        now: filtered error.
+        c: bounds of the uncertainty (5,), estimated or given.
+    """
+    structure, model, t, k, independent = seen
+    f = motion.regressors(k, now.acceleration, independent)
+    targets = desired_motion(model.reference, t)
+    one, two = per_robot(lambda d, p: backstepping.coupling_signal(gains, d, p), targets, k.bodies.position)
+    U2 = adaptive.robust_force(structure, gains, f, now.sigma, c, now.platform_error, one + two, t)
+    return U2, f
 
 
 def estimates(gains: Gains, state: ControllerState) -> Vector:

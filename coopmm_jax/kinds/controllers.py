@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import Any, NamedTuple, TypeVar
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.registry import Attribute, Group, Kind, Method, Quantity, declare, find, kind_of
+from coopmm_jax.kinds.registry import MISSING, Attribute, Field, Group, Kind, Method, Quantity, declare, find, kind_of
 
 Made = TypeVar("Made")
 
@@ -72,7 +72,7 @@ def gain(
         at_least: what the gain may not be less than.
         above: what it has to exceed, in the place of ``at_least``.
         offset: of the search, see ``Gain``.
-        section: of the scenario file; only the paper's law has a gain in [law].
+        section: of the scenario file; only the robust term's delta_floor is in [law].
         initial: whether it acts at the start alone.
     """
     return Quantity(
@@ -85,15 +85,20 @@ def force_gain(meaning: str, bounds: tuple[float, float]) -> Quantity:
     return gain(meaning, bounds, ROW, above=-1.0, offset=1.0)
 
 
-def by_module(name: str) -> Callable[[Made], Made]:
+def by_module(name: str, *optional: str) -> Callable[[Made], Made]:
     """Give a class the methods of a controller from the functions of a module, imported when one is first called.
 
     Gains have to be known without JAX, and the law needs it.
+
+    Args:
+        name: of the module.
+        optional: methods that it has besides those that each controller must have.
     """
 
     def decorated(made: Made) -> Made:
         for method in _METHODS:
-            setattr(made, method.name, _of_module(name, method.name))
+            if not method.optional or method.name in optional:
+                setattr(made, method.name, _of_module(name, method.name))
         return made
 
     return decorated
@@ -144,6 +149,12 @@ def shown(made: Any) -> tuple[str, ...]:
     return getattr(made, "shown", ())
 
 
+def lateral(gains: Any) -> Any:
+    """Gain k by which lateral errors decay, at the rate k u_d1^2, a scalar; 0 of a controller without."""
+    name = getattr(gains, "lateral", "")
+    return getattr(gains, name) if name else 0.0
+
+
 def signals_of(made: Any) -> Mapping[str, Signal]:
     """Signals of a controller that a run records, by name."""
     return getattr(made, "signals", {})
@@ -153,17 +164,11 @@ def _accept(kind: Kind) -> None:
     if not kind.fields:
         raise UserError(kind.label, "a class with at least one gain", "without")
     for name, field in kind.fields.items():
-        about = field.about.more
-        if about is None:
-            form = f'{name}: Annotated[Scalar, gain("meaning [unit]", (low, high))]'
-            raise UserError(f"{kind.label}: {name}", f"annotated as a gain, as {form}", "as another number")
-        low, high = about.bounds
-        if not -about.offset < low < high:
-            must = f"bounds of a search, low and high, above {0.0 - about.offset:g}"
-            raise UserError(f"{kind.label}: {name}", must, list(about.bounds))
-        if about.per not in (None, VELOCITY, ESTIMATE, ROW):
-            raise UserError(f"{kind.label}: {name}", f"one per {VELOCITY}, {ESTIMATE} or {ROW}, or alone", about.per)
+        _accept_gain(f"{kind.label}: {name}", name, field)
     _known(kind, "tuned", kind.fields, "gains")
+    _known(kind, "lateral", kind.fields, "gains")
+    if (name := kind.made.lateral) and kind.fields[name].about.more.per is not None:
+        raise UserError(f"{kind.label}: lateral", "a gain that is one number", name)
     _known(kind, "shown", signals_of(kind.made), "signals")
     for name, signal in signals_of(kind.made).items():
         if not isinstance(signal, Signal) or not (isinstance(signal.per, tuple | None) or signal.per in ENTRIES):
@@ -171,8 +176,25 @@ def _accept(kind: Kind) -> None:
             raise UserError(f"{kind.label}: {name}", must, signal)
 
 
+def _accept_gain(place: str, name: str, field: Field) -> None:
+    about = field.about.more
+    if about is None:
+        form = f'{name}: Annotated[Scalar, gain("meaning [unit]", (low, high))]'
+        raise UserError(place, f"annotated as a gain, as {form}", "as another number")
+    entries = field.default if isinstance(field.default, tuple) else (field.default,)
+    if not entries or any(type(entry) not in (int, float) or entry != entries[0] for entry in entries):
+        was = "without" if field.default is MISSING else field.default
+        raise UserError(place, "a gain with a default: one number, or a tuple of equal ones", was)
+    low, high = about.bounds
+    if not -about.offset < low < high:
+        raise UserError(place, f"bounds of a search, low and high, above {0.0 - about.offset:g}", list(about.bounds))
+    if about.per not in (None, VELOCITY, ESTIMATE, ROW):
+        raise UserError(place, f"one per {VELOCITY}, {ESTIMATE} or {ROW}, or alone", about.per)
+
+
 def _known(kind: Kind, attribute: str, names: Mapping[str, Any], what: str) -> None:
-    for name in getattr(kind.made, attribute, ()):
+    given = getattr(kind.made, attribute, ())
+    for name in filter(None, (given,) if isinstance(given, str) else given):
         if name not in names:
             raise UserError(f"{kind.label}: {attribute}", f"some of its {what} ({', '.join(names)})", name)
 
@@ -191,6 +213,7 @@ declare(
         _METHODS,
         (
             Attribute("tuned", "names of the gains that a tuning changes; without, all of them", tuple, ()),
+            Attribute("lateral", "name of the gain k by which lateral errors decay, at the rate k u_d1^2", str, ""),
             Attribute("signals", "what a run records of it: name -> Signal", dict, {}),
             Attribute("shown", "the two signals in the overview of a run", tuple, ()),
         ),

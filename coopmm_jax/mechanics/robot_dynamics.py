@@ -149,6 +149,12 @@ def body_bias(m: Lumped, f: Factors) -> Vector:
     )
 
 
+def gravity_force(m: Lumped, gravity: Scalar, arm: Posture) -> Vector:
+    """G_i2 of (9) in u (5,): what holds the arm's weight [0, 0, 0, N m, N m]."""
+    A, B = m.Sp * gravity * arm.cA, m.Sq * gravity * arm.cB
+    return (0, 0, 0, A + B, B)
+
+
 class Dynamics(NamedTuple):
     """(9) of one robot at one state, in body rates: M w' + bias with w' = T udot + Tdot u."""
 

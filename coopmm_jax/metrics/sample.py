@@ -20,6 +20,7 @@ from coopmm_jax.control.reference import (
     desired_motion,
     desired_object,
 )
+from coopmm_jax.kinds.controllers import lateral
 from coopmm_jax.kinds.courses import current
 from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.state import Signals
@@ -159,7 +160,7 @@ def quantities(
         "torque_change": sum(change),
         "wheel_torque_change": sum(change[: ROBOTS * WHEELS]),
         "joint_torque_change": sum(change[ROBOTS * WHEELS :]),
-        "persistence": getattr(parameters.gains, "k2", 0.0) * _yaw_rate(parameters.reference, t, signals) ** 2,
+        "persistence": lateral(parameters.gains) * _yaw_rate(parameters.reference, t, signals) ** 2,
         "c_hat": largest_size(estimates_of(parameters.gains, signals.controller)),
         "constraint_residual": largest_size(
             signals.constraint_residual[len(structure.rows) - len(structure.plant_rows) :]

@@ -86,8 +86,7 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
         UserError: as ``analyse``.
     """
     gains = parameters.gains
-    if type(gains) is not Gains:
-        raise UserError("law.controller", "robust_adaptive, which the proof is about", name_of(gains))
+    _check_controller(gains)
     if structure.substeps or structure.force_delay or any(structure.features) or parameters.schedule:
         raise UserError("scenario", "the proof's loop: continuous control, ideal devices, constant gains", "another")
     if len(t) == 0:
@@ -115,6 +114,11 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
             "G": np.linalg.norm(terms.plant.G, axis=1),
         },
     )
+
+
+def _check_controller(gains: Any) -> None:
+    if type(gains) is not Gains:
+        raise UserError("law.controller", "robust_adaptive, which the proof is about", name_of(gains))
 
 
 def report(analysis: Analysis) -> dict[str, Any]:
@@ -180,7 +184,12 @@ def _spectral(matrices: np.ndarray) -> np.ndarray:
 
 
 def states_of(trajectory: Trajectory, every: int = 1) -> tuple[np.ndarray, State]:
-    """Times (T,) [s] and states, leaves (T,), of one sample in ``every`` of a trajectory; in float64."""
+    """Times (T,) [s] and states, leaves (T,), of one sample in ``every`` of a trajectory; in float64.
+
+    Raises:
+        UserError: another controller than the paper's.
+    """
+    _check_controller(trajectory.scenario.parameters().gains)
     part = partitioning.partition(trajectory.rows)
 
     def columns(values: np.ndarray) -> tuple[Any, ...]:  # arrays in the place of scalars

@@ -13,6 +13,7 @@ import tomli_w
 from pydantic import SerializeAsAny, ValidationInfo, field_validator, model_validator
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.controllers import controller
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import (
     Geometry,
@@ -186,6 +187,14 @@ class BaseScenario(HardwareSections):
     def _numbers_of_gains(self) -> Self:
         full_gains(dict(self), len(self.coupling.rows))
         self.schedule.schedule(len(self.coupling.rows))
+        return self
+
+    @model_validator(mode="after")
+    def _a_controller_of_a_plugin_works(self) -> Self:
+        if controller(self.law.controller).plugin is not None:
+            from coopmm_jax.control.trial import try_controller  # imports JAX, which shipped controllers do without
+
+            try_controller(self.structure(), self.parameters())
         return self
 
     @model_validator(mode="after")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from coopmm_jax.errors import Notice, UserError
+from coopmm_jax.kinds.controllers import lateral
 from coopmm_jax.parameters import Parameters, PathReference
 from coopmm_jax.status import SPEED_LIMIT
 
@@ -63,10 +64,10 @@ def check_reference(scenario: Scenario) -> None:
     fastest = max(np.abs(course.turn).max(), course.speed.max())
     if not fastest < SPEED_LIMIT:
         raise UserError("reference.timing", f"slow enough for {SPEED_LIMIT:g} rad/s and m/s", f"up to {fastest:.3g}")
-    duration, k2 = scenario.simulation.duration, getattr(parameters.gains, "k2", None)
-    if k2 is None:  # a controller that removes lateral errors in another way
+    if not getattr(parameters.gains, "lateral", ""):  # a controller that removes lateral errors in another way
         return
-    persistence = float(k2) * float(np.mean(course.turn**2)) * duration
+    duration = scenario.simulation.duration
+    persistence = float(lateral(parameters.gains)) * float(np.mean(course.turn**2)) * duration
     if persistence < PERSISTENT and duration >= LONG:
         text = f"reference: turns too little (persistence {persistence:.2g}, at least {PERSISTENT:g}) to remove"
         warnings.warn(Notice(f"{text} lateral errors within the run"), stacklevel=3)

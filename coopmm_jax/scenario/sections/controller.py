@@ -17,13 +17,14 @@ from pydantic import Field, create_model, field_validator
 
 from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds import controllers
+from coopmm_jax.kinds import baselines, controllers
 from coopmm_jax.kinds.controllers import DEFAULT, Gain
 from coopmm_jax.kinds.registry import Field as Described
 from coopmm_jax.kinds.registry import bounds_of, known
 from coopmm_jax.mechanics.robot import JOINTS, ROBOTS
 from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, PerEntry, Positive, Section, quantity
 
+assert baselines  # which registers them
 _gains, _structure = parameters.Gains(), parameters.Structure()
 
 VELOCITIES = ROBOTS * JOINTS  # of both robots; each constraint row makes one of them dependent

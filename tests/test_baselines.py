@@ -1,0 +1,98 @@
+"""The controllers that the paper's is compared with: a second derivation, closed forms, gradients, both loops."""
+
+import jax
+import numpy as np
+import pytest
+
+from coopmm_jax.control.controller import Freedom, Seen, known_to_controller, recorded
+from coopmm_jax.kinds.baselines import ComputedTorque, ModelBased, Pid, RobustFixed, SlidingMode
+from coopmm_jax.kinds.controllers import gains_of, name_of, signals_of
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.state import State
+from coopmm_jax.mechanics.constrained_kinematics import kinematics
+from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.parameters import ALL_ROWS, Structure
+from tests.oracles import baselines
+from tests.samples import assert_close, joined, vector
+from tests.test_control import Case, T
+
+BASELINES = (ModelBased, RobustFixed, SlidingMode, ComputedTorque, Pid)
+LAWS = (Structure(), Structure(feedforward="full"))
+FREEDOM = Freedom.of(Structure())
+
+
+def random_gains(made, rng):
+    """Gains of a controller that all differ from each other."""
+    drawn = {}
+    for name, about in gains_of(made).items():
+        count = about.entries(FREEDOM.velocities, FREEDOM.rows)
+        drawn[name] = rng.uniform(0.3, 2.0) if count is None else tuple(rng.uniform(0.3, 2.0, count).tolist())
+    return made(**drawn)
+
+
+class BaselineCase(Case):
+    """The closed loop of ``test_control.py`` at a random state, under another controller."""
+
+    def __init__(self, made, seed=0):
+        super().__init__(seed)
+        rng = np.random.default_rng(seed)
+        self.parameters = self.parameters._replace(gains=random_gains(made, rng))
+        self.model = build_model(self.parameters)
+        zero = self.model.gains.start(FREEDOM, 0.0)
+        leaves, tree = jax.tree.flatten(zero)
+        self.own = jax.tree.unflatten(tree, rng.uniform(0.2, 1.0, len(leaves)).tolist())
+        self.state = State(self.state.position, self.independent, self.own)
+
+    def exact(self):
+        """The model of a controller that knows the plant, which nothing disturbs."""
+        return build_model(self.parameters._replace(nominal=self.parameters.plant.inertia, disturbance=()))
+
+
+@pytest.fixture(scope="module", params=BASELINES, ids=lambda made: made.__name__)
+def case(request):
+    return BaselineCase(request.param)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=["projected", "full"])
+def test_force_is_that_of_a_second_derivation(case, law):
+    k = kinematics(case.model, ALL_ROWS, case.state.position, case.independent)
+    seen = Seen(law, known_to_controller(case.model), T, k, case.independent)
+    command = case.model.gains.command(seen, case.own)
+    derived = getattr(baselines, name_of(case.model.gains))
+    assert_close(joined(command.force), derived(law, case.parameters, T, case.q, case.u, case.own), 5e-14)
+    rates = command.rates((1.0, 2.0, 3.0, 4.0))
+    assert rates.force_integral == (1.0, 2.0, 3.0, 4.0)
+    assert jax.tree.structure(rates) == jax.tree.structure(case.own)
+    assert set(recorded(case.model.gains, case.own, command.signals)) == set(signals_of(case.model.gains))
+
+
+def along_the_flow(case, signal):
+    """A signal under an exact model without disturbances, its rate along the flow, and all signals."""
+    model = case.exact()
+    flow, signals = closed_loop(LAWS[1], model, T, case.state)
+    value, rate = jax.jvp(
+        lambda t, state: closed_loop(LAWS[1], model, t, state)[1].computed[signal], (T, case.state), (1.0, flow)
+    )
+    return vector(value), vector(rate), {name: vector(x) for name, x in signals.computed.items()}
+
+
+def test_sigma_decays_where_the_model_is_exact():
+    case = BaselineCase(ModelBased)
+    sigma, rate, _ = along_the_flow(case, "sigma")
+    assert_close(rate, -np.array(case.parameters.gains.K_sigma) * sigma, 1e-13)
+
+
+def test_sigma_reaches_its_layer_at_the_rate_of_the_reaching_law():
+    case = BaselineCase(SlidingMode)
+    gains = case.parameters.gains
+    sigma, rate, _ = along_the_flow(case, "sigma")
+    reaching = np.array(gains.K_sigma) * sigma + np.array(gains.K_switch) * np.tanh(sigma / gains.layer)
+    assert_close(rate, -reaching, 1e-13)
+
+
+def test_joint_errors_obey_a_pd_where_the_model_is_exact():
+    case = BaselineCase(ComputedTorque)
+    gains = case.parameters.gains
+    velocity, rate, computed = along_the_flow(case, "velocity_error")
+    position = computed["position_error"]
+    assert_close(rate, -np.array(gains.K_d) * velocity - np.array(gains.K_p) * position, 1e-13)
