@@ -191,6 +191,17 @@ class Schedule(NamedTuple):
     values: dict[str, tuple]  # by name of the gain, at every knot (K,): a scalar, or a vector as in ``Gains``
 
 
+class PhaseSchedule(NamedTuple):
+    """Gains that change with the phase of the desired motion, between knots as in ``Schedule``.
+
+    Along an open path they are constant before the first knot and after the last; round a closed one, and on circles,
+    whose phase is the platforms' desired yaw, the last knot is followed by the first.
+    """
+
+    phases: Vector  # (K,), each higher than the one before; of a closed path within one turn of 2 pi
+    values: dict[str, tuple]  # as in ``Schedule``
+
+
 class Parameters(NamedTuple):
     """Everything numeric a rollout depends on: differentiate or vmap over any part of it."""
 
@@ -201,7 +212,9 @@ class Parameters(NamedTuple):
     reference: Reference | PathReference = Reference()
     start: Pair[Pose] = PAPER_START
     hardware: Hardware = Hardware()
-    schedule: Schedule | None = None  # in the place of the gains that it has; None adds nothing to a program
+    schedule: Schedule | PhaseSchedule | None = (
+        None  # in the place of the gains that it has; None adds nothing to a program
+    )
 
 
 ALL_ROWS = ("contact_normal", "contact_height", "guide_radial", "guide_height")

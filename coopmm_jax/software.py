@@ -27,6 +27,26 @@ def versions() -> dict[str, str]:
     return own | {package: version(package) for package in packages} | loaded
 
 
+def record(software: Mapping[str, Any]) -> str:
+    """Lines of a comment that say what a file was made with."""
+    return "".join(f"# {name} {value}\n" for name, value in software.items())
+
+
+def recorded_plugins(text: str) -> dict[str, str]:
+    """Plugins among the lines of ``record`` in a text.
+
+    >>> recorded_plugins("# jax 0.10.2\\n# plugin bump 5f2c\\n")
+    {'plugin bump': '5f2c'}
+    """
+    lines = (line.removeprefix("# ") for line in text.splitlines() if line.startswith(f"# {_PLUGIN}"))
+    return dict(line.rsplit(" ", 1) for line in lines)
+
+
+def loaded_plugins() -> dict[str, str]:
+    """Versions of the plugins alone."""
+    return {name: version for name, version in versions().items() if name.startswith(_PLUGIN)}
+
+
 def check_plugins(recorded: Mapping[str, Any], field: str, what: Any) -> None:
     """Refuse what was made with plugins that are not loaded, or not with the same content.
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from coopmm_jax import cli
+from coopmm_jax.parameters import PhaseSchedule
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.variation import vary
 from tests import falsify_worker
@@ -180,6 +181,7 @@ def test_bad_input_is_one_line_and_writes_nothing(failing, tmp_path, capsys, arg
 def test_command_prints_numbers_and_writes_the_scenario(failing, tmp_path, capsys):
     out = tmp_path / "new" / "worst.toml"
     light = ["--simulation.duration", "3", "--plant.m-p", "4"]
+    light += ["--schedule.phases", "0", "2", "--schedule.k2", "5", "8"]
     assert cli.main(["falsify", "sensed", *light, "--rollouts", "60", "--compare-random", "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert "plant.m_p                    4          4.8" in text
@@ -187,6 +189,7 @@ def test_command_prints_numbers_and_writes_the_scenario(failing, tmp_path, capsy
     written = load_scenario(out)
     assert written.plant.m_p == (4.8, 4.8) or written.plant.m_p == pytest.approx(4.8)
     assert written.uncertainty.entries() == ()
+    assert written.parameters().schedule == PhaseSchedule((0.0, 2.0), {"k2": (5.0, 8.0)})
     assert written.description.startswith("Worst sample found of: As on real robots")
 
 

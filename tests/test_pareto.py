@@ -163,6 +163,17 @@ def test_command_writes_gains_that_can_be_used_and_overwrites_nothing(rollouts, 
     assert {file: file.read_bytes() for file in out.iterdir()} == before
 
 
+@pytest.mark.parametrize("over", ["time", "phase"])
+def test_a_front_of_gains_that_change(rollouts, tmp_path, over):
+    settings = scenario(budget=4.0, schedule=2, schedule_over=over)
+    front = tune_front(settings, 2)
+    pareto_report.write_report(tmp_path, front)
+    for i, schedule in enumerate(front.schedules, 1):
+        found = settings.with_overrides(read_gains(tmp_path / f"gains_{i:02d}.toml")).parameters().schedule
+        assert (type(found), found) == (type(schedule), schedule)
+        assert found.values["K_I"][1][0] == front.values[i, -1]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -19,6 +19,8 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import metrics, registry
 from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.table import check_finite as check_metrics
+from coopmm_jax.parameters import Gains
+from coopmm_jax.scenario.gains_file import gains_text, read_gains
 from coopmm_jax.software import check_plugins, versions
 from tests import plugin_page
 from tests.test_readme import blocks, carried_out, commands
@@ -317,6 +319,20 @@ def test_a_plugin_is_run_once_and_cannot_change_or_share_its_name(registered, tm
     written(tmp_path, DISTURBANCE + SQUARE + "\n")
     with pytest.raises(UserError, match="--plugin: must be a file that does not change"):
         cm.load_plugin(file)
+
+
+def test_gains_files_record_the_plugins_that_they_were_made_with(registered, tmp_path, monkeypatch):
+    path = tmp_path / "gains.toml"
+    cm.load_plugin(written(tmp_path, DISTURBANCE + SQUARE))
+    path.write_text(text := gains_text(Gains()))
+    assert text.startswith("# plugin mine.py ")
+    assert read_gains(path)["law"]["controller"] == "robust_adaptive"
+    path.write_text(text.replace(versions()["plugin mine.py"], "0" * 16))
+    with pytest.raises(UserError, match=r"^--gains-file: must be used with the --plugin mine\.py .*, was another"):
+        read_gains(path)
+    monkeypatch.setattr(plugins, "_loaded", {})
+    with pytest.raises(UserError, match=r"^--gains-file: must be used with the --plugin mine\.py .*, was used without"):
+        read_gains(path)
 
 
 def test_examples_are_what_python_reads():

@@ -54,7 +54,7 @@ def filtered(gains: Any, seen: Seen, integral: Vector, eta: Pair[Scalar]) -> Fil
     eta_rates = per_robot(eta_rate, targets, position, eta)
     rates = per_robot(position_rates, position, k.velocity)
     z, z_rate = motion.reference_and_rate(model, part, (t, position, eta), rates, eta_rates)
-    K_u_rate = rate("K_u", model.schedule, t)
+    K_u_rate = rate("K_u", model, t)
     errors = motion.motion_errors(gains, part, z, z_rate, independent, integral, K_u_rate)
     damping = tuple(gain * s for gain, s in zip(gains.K_sigma, errors.sigma, strict=True))
     first, second = split(part, errors.utilde)

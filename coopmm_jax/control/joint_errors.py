@@ -48,7 +48,7 @@ def joint_errors(seen: Seen) -> JointErrors:
 def _reference(seen: Seen, t: Scalar, position: Pair[Position]) -> tuple[Vector, Vector]:
     """r (n,) and p (n,) of both robots at t [s]."""
     model, part = seen.model, seen.k.reduction.part
-    gains = in_force(model.gains, model.schedule, t)
+    gains = in_force(model, t)
 
     def of_one(desired: Desired, posture: Pair[Vector], p: Position, arm: Vector) -> Pair[Vector]:
         desired = with_posture(desired, posture, len(arm))

@@ -40,7 +40,7 @@ def arm_joints(part: Partition, position: Pair[Position]) -> Pair[Vector]:
 
 def reference_velocities(model: Model, part: Partition, t: Scalar, position: Pair[Position], eta: Pair) -> Vector:
     """z (n,) of both robots, (12) and (13), under the gains in force at t [s]."""
-    gains = in_force(model.gains, model.schedule, t)
+    gains = in_force(model, t)
 
     def of_one(desired: Desired, posture: tuple[Vector, Vector], p: Position, arm: Vector, e: Scalar) -> Vector:
         return backstepping.reference_velocity(gains, with_posture(desired, posture, len(arm)), p, arm, e)

@@ -9,6 +9,7 @@ from coopmm_jax.algebra.sincos import sincos
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control.path_motion import Aim, Known, known_at
 from coopmm_jax.kinds.courses import current
+from coopmm_jax.kinds.paths import is_closed
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.surfaces import shape_of
 from coopmm_jax.parameters import PathReference, Reference, Surface
@@ -41,6 +42,22 @@ def at_instant(reference: AnyReference, t: Scalar, aim: Aim | None = None) -> Re
     if not isinstance(reference, PathReference):
         return reference
     return known_at(reference, t) if aim is None else Known(reference, aim, t)
+
+
+def phase(reference: AnyReference, t: Scalar) -> Scalar:
+    """Phase at t [s]: of a path's point, of circles the desired yaw of both platforms [rad]."""
+    if isinstance(reference, Reference):
+        return reference.rate * t
+    return _path(reference).timing.phase(t)
+
+
+def repeats(reference: AnyReference) -> bool:
+    """True if the desired place is the same when the phase has gone on by 2 pi."""
+    return isinstance(reference, Reference) or is_closed(_path(reference).path)
+
+
+def _path(reference: PathReference | Known) -> PathReference:
+    return reference.reference if isinstance(reference, Known) else reference
 
 
 def desired_motion(reference: AnyReference, t: Scalar) -> Pair[Desired]:

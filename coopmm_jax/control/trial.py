@@ -56,7 +56,7 @@ class _Trial(NamedTuple):
     def run(self, parameters: Parameters, t: Scalar) -> None:
         """Ask a controller everything that a loop asks, at t [s]."""
         model, freedom = build_model(parameters), Freedom.of(self.structure)
-        model = model._replace(reference=at_instant(model.reference, t), gains=in_force(model.gains, model.schedule, t))
+        model = model._replace(reference=at_instant(model.reference, t), gains=in_force(model, t))
         gains, independent, error = model.gains, (t,) * freedom.velocities, (t,) * freedom.rows
         state = self.state(self.calling("start", gains.start, freedom, t))
         k = kinematics(model, self.structure.rows, per_robot(chained, parameters.start), independent)

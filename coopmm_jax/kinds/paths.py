@@ -47,6 +47,11 @@ def span(path: Any) -> tuple[float, float]:
     return path.span() if hasattr(path, "span") else ROUND
 
 
+def is_closed(path: Any) -> bool:
+    """True if a path repeats itself every 2 pi."""
+    return span(path) is ROUND
+
+
 X0 = Annotated[Scalar, quantity("centre along the world's x [m]")]
 Y0 = Annotated[Scalar, quantity("centre along the world's y [m]")]
 

@@ -32,7 +32,7 @@ def closed_loop(structure: Structure, model: Model, t: Scalar, state: State) -> 
     Returns:
         The time derivative, as a ``State``, and the ``Signals`` at t.
     """
-    model = model._replace(reference=at_instant(model.reference, t), gains=in_force(model.gains, model.schedule, t))
+    model = model._replace(reference=at_instant(model.reference, t), gains=in_force(model, t))
     truth = plant_kinematics(structure, model, t, state.position, state.velocity, state.carriage)
     seen, independent = truth, independent_velocity(structure, truth, state)
     if structure.features.surface_motion or structure.compliant:

@@ -82,7 +82,7 @@ def _decide(
     structure: Structure, sample: Scalar, model: Model, t: Scalar, state: State
 ) -> tuple[Pair[Vector], _Decision, Signals]:
     """Torques to be held [N m], rates of the controller, and the signals."""
-    model = model._replace(reference=at_instant(model.reference, t), gains=in_force(model.gains, model.schedule, t))
+    model = model._replace(reference=at_instant(model.reference, t), gains=in_force(model, t))
     truth = plant.plant_kinematics(structure, model, t, state.position, state.velocity, state.carriage)
     seen, independent, noise = _measure(structure, model, sample, t, truth, state)
     now = Instant(structure, model, t, truth, seen, state)

@@ -17,6 +17,7 @@ from coopmm_jax.parameters import (
     Hardware,
     Parameters,
     PathReference,
+    PhaseSchedule,
     Pose,
     Reference,
     Schedule,
@@ -38,7 +39,7 @@ class Model(NamedTuple):
     posture: Pair[Vector]  # desired (a2, a3) of each robot where they are independent [rad]
     hardware: Hardware
     guide: Any  # Rail, MovingRail or None
-    schedule: Schedule | None  # of gains that change over time
+    schedule: Schedule | PhaseSchedule | None  # of gains that change
 
 
 def build_model(parameters: Parameters) -> Model:

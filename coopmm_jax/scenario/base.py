@@ -14,6 +14,7 @@ from pydantic import SerializeAsAny, ValidationInfo, field_validator, model_vali
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import controller
+from coopmm_jax.kinds.paths import ROUND, is_closed
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import (
     Geometry,
@@ -195,6 +196,16 @@ class BaseScenario(HardwareSections):
             from coopmm_jax.control.trial import try_controller  # imports JAX, which shipped controllers do without
 
             try_controller(self.structure(), self.parameters())
+        return self
+
+    @model_validator(mode="after")
+    def _knots_within_a_turn(self) -> Self:
+        phases, path = self.schedule.phases, self.reference.path
+        if phases is None or (path is not None and not is_closed(path.numbers())):
+            return self
+        first, last = phases[0], phases[-1]
+        if not last - first < ROUND[1]:
+            raise UserError("schedule.phases", "within one turn of 2 pi on a closed path", f"{first:g} to {last:g}")
         return self
 
     @model_validator(mode="after")

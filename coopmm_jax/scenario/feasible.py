@@ -15,7 +15,7 @@ import numpy as np
 
 from coopmm_jax.errors import Notice, UserError
 from coopmm_jax.kinds.controllers import lateral
-from coopmm_jax.parameters import Parameters, PathReference
+from coopmm_jax.parameters import Parameters, PathReference, PhaseSchedule
 from coopmm_jax.status import SPEED_LIMIT
 
 if TYPE_CHECKING:
@@ -44,16 +44,19 @@ class Course(NamedTuple):
 
 
 def check_reference(scenario: Scenario) -> None:
-    """Refuse a path that the robots cannot follow, and warn of one along which lateral errors stay.
+    """Refuse a reference that cannot be followed or gone by, and warn of one along which lateral errors stay.
 
     Raises:
         UserError: a path that stands still in its parameter or is left at an end, a contact point out of reach or
-            behind the surface's edge, or speeds beyond [rad/s, m/s] of ``status.SPEED_LIMIT``.
+            behind the surface's edge, speeds beyond [rad/s, m/s] of ``status.SPEED_LIMIT``, or gains that change with a
+            phase that does not.
 
     Warns:
         Notice: of too little turning.
     """
     parameters = scenario.parameters()
+    if isinstance(parameters.schedule, PhaseSchedule):
+        check_phase(scenario, "schedule.phases")
     if parameters.plant.surface.shape is not None:
         _check_surface(parameters.plant.surface.shape)
     if not isinstance(parameters.reference, PathReference):
@@ -71,6 +74,23 @@ def check_reference(scenario: Scenario) -> None:
     if persistence < PERSISTENT and duration >= LONG:
         text = f"reference: turns too little (persistence {persistence:.2g}, at least {PERSISTENT:g}) to remove"
         warnings.warn(Notice(f"{text} lateral errors within the run"), stacklevel=3)
+
+
+def check_phase(scenario: Scenario, field: str) -> None:
+    """Refuse a reference whose phase stands still where gains are to change with it.
+
+    Raises:
+        UserError: of ``field``.
+    """
+    import jax
+
+    from coopmm_jax.control.reference import phase
+
+    reference, t = scenario.parameters().reference, np.linspace(0.0, scenario.simulation.duration, SAMPLES)
+    with jax.enable_x64(True):
+        phases = np.asarray(jax.vmap(lambda t: phase(reference, t) + 0.0 * t)(t))
+    if np.ptp(phases) == 0.0:
+        raise UserError(field, "left out where the desired motion stands still", f"a phase of {phases[0]:g} throughout")
 
 
 def _course(parameters: Parameters, duration: float) -> Course:

@@ -72,7 +72,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     from tuning.studies.state import NAME, SETTINGS
     from tuning.studies.tune import tune
 
-    shown = Progress(1e6 * scenario.tuning.budget)
+    shown = Progress(scenario.tuning)
     limit = math.inf if options.time_budget is None else options.time_budget
     again = shlex.join(
         ["coopmm", "tune", str(resolve_path(options.out, "--out") / SETTINGS), "--out", str(options.out), "--resume"]
@@ -103,7 +103,7 @@ def _front(scenario: Scenario, options: argparse.Namespace) -> int:
     from tuning.studies.pareto import tune_front
 
     target = resolve_path(options.out, "--out")
-    shown = Progress(1e6 * scenario.tuning.budget)
+    shown = Progress(scenario.tuning)
     with locked_folder(target), result_folder(target) as folder:
         front = tune_front(scenario, options.pareto, shown.row, shown.stage)
         clear(target)

@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,7 +17,9 @@ from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import gains_of, initial
-from coopmm_jax.parameters import Parameters, Schedule
+from coopmm_jax.kinds.paths import ROUND, span
+from coopmm_jax.parameters import Parameters, PhaseSchedule, Schedule
+from coopmm_jax.scenario.feasible import check_phase
 from coopmm_jax.scenario.sections.controller import gain_tables
 from coopmm_jax.scenario.sections.schedule import schedule_table
 
@@ -30,8 +32,8 @@ class GainSpace:
     """The n numbers that are tuned and what they stand for; hashable.
 
     A number x stands for the gain exp(x) - offset: one unit of x is a factor of e. The offset is 1 for K_lambda, which
-    only has to exceed -1, and 0 for positive gains. Gains that change over time have every number once for each of K
-    knots: first all numbers of the first knot, then all of the second, and so on.
+    only has to exceed -1, and 0 for positive gains. Gains that change over time or along the path have every number
+    once for each of K knots: first all numbers of the first knot, then all of the second, and so on.
     """
 
     bases: tuple[Any, ...]  # the starting gains of a controller, at every knot (K,)
@@ -41,8 +43,9 @@ class GainSpace:
     high: tuple[float, ...]  # (n,)
     shared: bool
     controller: type  # of ``bases``: gains of equal numbers compare equal
-    times: tuple[float, ...] = ()  # of the knots (K,) [s]; empty for constant gains
-    kept: tuple[str, ...] = ()  # gains that change over time and are not tuned
+    places: tuple[float, ...] = ()  # of the knots (K,): times [s] or phases; empty for constant gains
+    over: type = Schedule  # or ``PhaseSchedule``
+    kept: tuple[str, ...] = ()  # gains that change and are not tuned
 
     @property
     def size(self) -> int:
@@ -62,7 +65,7 @@ class GainSpace:
 
     @property
     def moves(self) -> np.ndarray:
-        """Directions (G, n) along which each of the G = n / K gains changes alone, over the whole time."""
+        """Directions (G, n) along which each of the G = n / K gains changes alone, at all knots."""
         return np.tile(np.eye(self.size // self.knots), self.knots)
 
     def inside(self, vectors: np.ndarray) -> np.ndarray:
@@ -77,13 +80,13 @@ class GainSpace:
         """All gains, at the first knot, with the tuned ones from ``vector`` (n,)."""
         return self._at_knots(vector)[0]
 
-    def schedule(self, vector: Any) -> Schedule | None:
-        """The gains that change over time; None where all are constant."""
-        if not self.times:
+    def schedule(self, vector: Any) -> Schedule | PhaseSchedule | None:
+        """The gains that change; None where all are constant."""
+        if not self.places:
             return None
         at_knots = self._at_knots(vector)
         values = {name: tuple(getattr(gains, name) for gains in at_knots) for name in (*self.names, *self.kept)}
-        return Schedule(self.times, values)
+        return self.over(self.places, values)
 
     def applied(self, parameters: Parameters, vector: Any) -> Parameters:
         """Parameters with the gains of ``vector`` (n,)."""
@@ -92,7 +95,7 @@ class GainSpace:
     def tables(self, vector: Any) -> dict[str, Any]:
         """Tables of a scenario file with the tuned gains of ``vector`` (n,)."""
         tables = gain_tables(self.gains(vector), self.names)
-        return tables | ({"schedule": schedule_table(self.schedule(vector))} if self.times else {})
+        return tables | ({"schedule": schedule_table(self.schedule(vector))} if self.places else {})
 
     def _at_knots(self, vector: Any) -> list[Any]:
         values, each = self.values(vector), self.size // self.knots
@@ -125,9 +128,9 @@ class GainSpace:
         return np.concatenate([self.start[None], self.spread(points)[1:]])
 
     def labels(self) -> list[str]:
-        """Name of each number (n,), as K_I[2], or K_I[2]@t=2.5 at a knot."""
-        labels = self.entry_labels()
-        return [f"{label}@t={time:g}" for time in self.times for label in labels] if self.times else labels
+        """Name of each number (n,), as K_I[2], or K_I[2]@t=2.5 or K_I[2]@p=2.5 at a knot."""
+        labels, axis = self.entry_labels(), "t" if self.over is Schedule else "p"
+        return [f"{label}@{axis}={place:g}" for place in self.places for label in labels] if self.places else labels
 
     def entry_labels(self) -> list[str]:
         """Name of each gain, over all its knots (n / K,)."""
@@ -151,10 +154,10 @@ def gain_space(scenario: Scenario) -> GainSpace:
     """The numbers that the scenario's [tuning] wants tuned.
 
     Raises:
-        UserError: a bound that excludes the starting gain, different entries to be tuned as one, or knots other than
-            those of the scenario's own schedule.
+        UserError: a bound that excludes the starting gain, different entries to be tuned as one, knots other than
+            those of the scenario's own schedule, or a reference whose phase stands still under knots over it.
     """
-    settings, (times, bases, kept) = scenario.tuning, _knots(scenario)
+    settings, (places, over, bases, kept) = scenario.tuning, _knots(scenario)
     offsets = {name: about.offset for name, about in gains_of(bases[0]).items()}
     shared = settings.channels == "shared"
     owner, low, high = [], [], []
@@ -168,7 +171,7 @@ def gain_space(scenario: Scenario) -> GainSpace:
             high.append(float(np.log(bounds[1] + offsets[name])))
     count = len(bases)
     bounds = (tuple(low * count), tuple(high * count))
-    return GainSpace(bases, settings.gains, tuple(owner * count), *bounds, shared, type(bases[0]), times, kept)
+    return GainSpace(bases, settings.gains, tuple(owner * count), *bounds, shared, type(bases[0]), places, over, kept)
 
 
 def _as_tuple(value: Any) -> tuple[float, ...]:
@@ -184,20 +187,41 @@ def _check_start(name: str, entries: tuple[float, ...], bounds: tuple[float, flo
             raise UserError(f"tuning.bounds.{name}", must, list(bounds))
 
 
-def _knots(scenario: Scenario) -> tuple[tuple[float, ...], tuple[Any, ...], tuple[str, ...]]:
-    """Times of the knots, the scenario's gains at each of them, and those that change over time without being tuned."""
+class _Knots(NamedTuple):
+    """Knots of the tuned gains."""
+
+    places: tuple[float, ...] = ()
+    over: type = Schedule
+    bases: tuple[Any, ...] = ()  # the scenario's gains at each of them
+    kept: tuple[str, ...] = ()  # gains that change without being tuned
+
+
+def _knots(scenario: Scenario) -> _Knots:
     parameters, count = scenario.parameters(), scenario.tuning.schedule
     gains, own = parameters.gains, parameters.schedule
     if own is None and count == 1:
-        return (), (gains,), ()
-    if own is not None and count not in (1, len(own.times)):
-        raise UserError("tuning.schedule", f"left out, or {len(own.times)} as schedule.times has", count)
+        return _Knots(bases=(gains,))
     for name in initial(gains):
         if name in scenario.tuning.gains:
             raise UserError("tuning.gains", f"without {name}, which acts at the start alone, where gains change", name)
     if own is None:
-        times = tuple(np.linspace(0.0, scenario.simulation.duration, count).tolist())
-        return times, (gains,) * count, ()
-    values = [{name: knots[k] for name, knots in own.values.items()} for k in range(len(own.times))]
-    kept = tuple(name for name in own.values if name not in scenario.tuning.gains)
-    return tuple(float(t) for t in own.times), tuple(gains._replace(**at) for at in values), kept
+        places, over = _spread_out(scenario, count)
+        return _Knots(places, over, (gains,) * count)
+    places, at_knots = own
+    if count not in (1, len(places)):
+        raise UserError("tuning.schedule", f"left out, or {len(places)} as the scenario's [schedule] has", count)
+    if scenario.tuning.schedule_over == "phase" and isinstance(own, Schedule):
+        raise UserError("tuning.schedule_over", "time where the scenario has schedule.times", "phase")
+    values = [{name: knots[k] for name, knots in at_knots.items()} for k in range(len(places))]
+    kept = tuple(name for name in at_knots if name not in scenario.tuning.gains)
+    return _Knots(tuple(map(float, places)), type(own), tuple(gains._replace(**at) for at in values), kept)
+
+
+def _spread_out(scenario: Scenario, count: int) -> tuple[tuple[float, ...], type]:
+    """Places of so many knots over the duration, or once round or along the path; and the class of their schedule."""
+    if scenario.tuning.schedule_over == "time":
+        return tuple(np.linspace(0.0, scenario.simulation.duration, count).tolist()), Schedule
+    check_phase(scenario, "tuning.schedule_over")
+    path = scenario.reference.path
+    ends = ROUND if path is None else span(path.numbers())
+    return tuple(np.linspace(*ends, count, endpoint=ends is not ROUND).tolist()), PhaseSchedule

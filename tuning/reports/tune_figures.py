@@ -9,6 +9,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
+from coopmm_jax.parameters import Schedule
 from coopmm_jax.plotting.bands import band, finished, scale
 from coopmm_jax.plotting.lines import TIME
 from coopmm_jax.plotting.style import legend, panels, pen, styled
@@ -36,9 +37,9 @@ def convergence(result: TuningResult) -> Figure:
 
 @styled
 def gains(result: TuningResult) -> Figure:
-    """Every tuned number before and after; over time, where gains change."""
+    """Every tuned number before and after; over time or phase, where gains change."""
     if result.schedule is not None:
-        return _over_time(result)
+        return _at_knots(result)
     figure, (axes,) = panels(None, [["gains"]], 1.2 + 0.22 * len(result.labels))
     rows = np.arange(len(result.labels))[::-1]
     for before, after, row in zip(result.before, result.after, rows, strict=True):
@@ -52,21 +53,21 @@ def gains(result: TuningResult) -> Figure:
     return figure
 
 
-def _over_time(result: TuningResult) -> Figure:
-    """Tuned gains over time, a panel each; grey: before."""
-    times, names = np.array(result.schedule.times), result.scenario.tuning.gains
+def _at_knots(result: TuningResult) -> Figure:
+    """Tuned gains over time or phase, a panel each; grey: before."""
+    places, names = np.array(result.schedule[0]), result.scenario.tuning.gains
     owner = [label.partition("@")[0].partition("[")[0] for label in result.labels]
-    before, after = (values.reshape(len(times), -1) for values in (result.before, result.after))
+    before, after = (values.reshape(len(places), -1) for values in (result.before, result.after))
     figure, all_axes = panels(None, [[name] for name in names], 1.6 * len(names))
     for axes, name in zip(all_axes, names, strict=True):
         chosen = [k for k in range(before.shape[1]) if owner[k] == name]
-        axes.plot(times, before[:, chosen], color="0.7", linewidth=1.0)
+        axes.plot(places, before[:, chosen], color="0.7", linewidth=1.0)
         for i, k in enumerate(chosen):
-            axes.plot(times, after[:, k], marker="o", markersize=2.0, label=f"[{i}]", **pen(i))
+            axes.plot(places, after[:, k], marker="o", markersize=2.0, label=f"[{i}]", **pen(i))
         axes.set(yscale="log", ylabel=name)
         _plain_numbers(axes.yaxis)
         legend(axes)
-    all_axes[-1].set_xlabel(TIME)
+    all_axes[-1].set_xlabel(TIME if isinstance(result.schedule, Schedule) else "phase of the path")
     return figure
 
 

@@ -15,7 +15,7 @@ import jax
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Gains, Parameters, Schedule
+from coopmm_jax.parameters import Gains, Parameters, PhaseSchedule, Schedule
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import vary
@@ -23,6 +23,7 @@ from tuning.cost.objective import Objective
 from tuning.cost.problem import TEST, Problem, check_count, scaled, with_objective
 from tuning.studies.comparison import Comparison, compare
 
+AnySchedule = Schedule | PhaseSchedule
 OWN = "scenario"  # stands for the scenario's own gains in the place of a file
 
 
@@ -30,7 +31,7 @@ OWN = "scenario"  # stands for the scenario's own gains in the place of a file
 class AnyGains:
     """All gains as a vector of their numbers, in their own units: unlike ``GainSpace``, those not tuned as well."""
 
-    structure: Any  # of (``Gains``, ``Schedule`` or None) as a pytree
+    structure: Any  # of (``Gains``, their schedule or None) as a pytree
 
     @property
     def size(self) -> int:
@@ -111,26 +112,41 @@ def labels(sources: Sequence[str | Path]) -> tuple[str, ...]:
     return tuple(name if count == 1 else f"{name} ({count})" for name, count in zip(short, again, strict=True))
 
 
-def alike(sets: Sequence[Parameters]) -> list[tuple[Gains, Schedule | None]]:
-    """Gains and schedules that differ in their numbers alone: what changes over time in one does so in all.
+def alike(sets: Sequence[Parameters]) -> list[tuple[Gains, AnySchedule | None]]:
+    """Gains and schedules that differ in their numbers alone: what changes in one does so in all.
 
     >>> ramp = Parameters(schedule=Schedule((0.0, 1.0), {"k2": (5.0, 7.0)}))
     >>> [schedule.values["k2"] for _, schedule in alike([Parameters(), ramp])]
     [(5.0, 5.0), (5.0, 7.0)]
+
+    Raises:
+        UserError: some change over time and others over the phase.
     """
     schedules = [each.schedule for each in sets if each.schedule is not None]
+    if not schedules:
+        return [(each.gains, None) for each in sets]
+    if len({type(schedule) for schedule in schedules}) > 1:
+        raise UserError("GAINS", "gains that change all over time or all over the phase", "some over each")
     names = sorted({name for schedule in schedules for name in schedule.values})
-    knots = max((len(schedule.times) for schedule in schedules), default=0)
-    return [(each.gains, _extended(each, names, knots) if schedules else None) for each in sets]
+    knots = max(len(schedule[0]) for schedule in schedules)
+    return [(each.gains, _extended(each, type(schedules[0]), names, knots)) for each in sets]
 
 
-def _extended(parameters: Parameters, names: Sequence[str], knots: int) -> Schedule:
-    """A schedule of these gains with so many knots: constant ones have the same value at all, later ones the last."""
-    times, values = parameters.schedule or ((0.0,), {})
-    more = knots - len(times)
-    later = tuple(times[-1] + 1.0 + i for i in range(more))
-    found = {name: values.get(name, (getattr(parameters.gains, name),) * len(times)) for name in names}
-    return Schedule((*times, *later), {name: at + at[-1:] * more for name, at in found.items()})
+def _extended(parameters: Parameters, over: type[AnySchedule], names: Sequence[str], knots: int) -> AnySchedule:
+    """A schedule of these gains with so many knots: constant ones have the same value at all.
+
+    Further knots stand between the first two, on the line that joins them.
+    """
+    places, values = parameters.schedule or over((0.0, 1.0), {})
+    shares = np.arange(1, knots - len(places) + 1) / (knots - len(places) + 1)
+
+    def filled(ends: tuple) -> tuple:
+        first, second = ends[:2]
+        between = (jax.tree.map(lambda a, b, x=float(x): a + x * (b - a), first, second) for x in shares)
+        return (first, *between, *ends[1:])
+
+    found = {name: values.get(name, (getattr(parameters.gains, name),) * len(places)) for name in names}
+    return over(filled(tuple(places)), {name: filled(at) for name, at in found.items()})
 
 
 def _gains(scenario: Scenario, source: str | Path) -> Parameters:
@@ -151,11 +167,11 @@ def _gains(scenario: Scenario, source: str | Path) -> Parameters:
     return changed.parameters()
 
 
-def _vector(gains: tuple[Gains, Schedule | None]) -> np.ndarray:
+def _vector(gains: tuple[Gains, AnySchedule | None]) -> np.ndarray:
     return np.array(jax.tree.leaves(gains))
 
 
-def _problem(scenario: Scenario, own: tuple[Gains, Schedule | None]) -> Problem:
+def _problem(scenario: Scenario, own: tuple[Gains, AnySchedule | None]) -> Problem:
     """The scenario's cost over its whole duration, as a function of any gains, its ``own`` among them."""
     variation = vary(scenario)
     if not variation.numbers:

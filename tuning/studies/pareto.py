@@ -17,7 +17,7 @@ import jax
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Gains, Schedule
+from coopmm_jax.parameters import Gains, PhaseSchedule, Schedule
 from coopmm_jax.scenario.scenario import Scenario
 from tuning.cost import evaluate
 from tuning.cost.evaluate import Evaluated
@@ -74,7 +74,7 @@ class Front:
     labels: list[str]  # of the tuned numbers (n,)
     weights: np.ndarray  # of effort against quality (K,)
     gains: list[Gains]  # (K,)
-    schedules: list[Schedule | None]  # (K,) of those that change over time
+    schedules: list[Schedule | PhaseSchedule | None]  # (K,) of those that change
     values: np.ndarray  # the tuned numbers (1 + K, n), first the scenario's
     points: np.ndarray  # (quality, effort) on the untouched samples (1 + K, 2)
     validation: np.ndarray  # the same on the samples that chose them (1 + K, 2)

@@ -10,7 +10,7 @@ import numpy as np
 
 from coopmm_jax.scenario.gains_file import gains_text
 from coopmm_jax.scenario.scenario import Scenario
-from coopmm_jax.software import versions
+from coopmm_jax.software import loaded_plugins, versions
 from tuning.cost.problem import TEST
 from tuning.studies.chatter import Slopes, slopes
 from tuning.studies.comparison import Comparison, compare
@@ -57,7 +57,7 @@ class TuningResult:
 
     @property
     def schedule(self) -> Any:
-        """Tuned gains that change over time, ``coopmm_jax.parameters.Schedule``; None where all are constant."""
+        """Tuned gains that change, a ``Schedule`` of ``coopmm_jax.parameters``; None where all are constant."""
         return self.scenario.parameters().schedule
 
     def _repr_html_(self) -> str:
@@ -102,7 +102,7 @@ def gains_file(result: TuningResult) -> str:
     """The text of gains.toml: every gain, tuned or not, below what it was made from."""
     before, after = result.comparison.costs.mean(axis=1)
     scenario, count = result.scenario, result.comparison.costs.shape[1]
-    made = ", ".join(f"{name} {version}" for name, version in versions().items())
+    made = ", ".join(f"{name} {version}" for name, version in versions().items() if name not in loaded_plugins())
     lines = [
         f"scenario: {scenario.description or 'that of scenario.toml beside this file'}",
         f"seed {scenario.simulation.seed}; {len(result.labels)} numbers tuned: {', '.join(scenario.tuning.gains)}",

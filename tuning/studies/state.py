@@ -21,7 +21,7 @@ import numpy as np
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import locked_folder, read_npz, resolve_path, write_csv, write_npz
 from coopmm_jax.runtime import xla_options
-from coopmm_jax.software import check_plugins, versions
+from coopmm_jax.software import check_plugins, record, recorded_plugins, versions
 
 if TYPE_CHECKING:
     from tuning.studies.result import Row
@@ -104,8 +104,7 @@ def read(folder: Path, settings: str) -> dict[str, np.ndarray]:
         before = str(arrays.pop(_KEY))
     except (KeyError, ValueError) as error:
         raise UserError("--resume", f"used with a {NAME} that can be read", f"{path} ({error})") from None
-    made_with = (line.removeprefix("# ").rsplit(" ", 1) for line in before.splitlines() if line.startswith("# plugin "))
-    check_plugins(dict(made_with), "--resume", folder)
+    check_plugins(recorded_plugins(before), "--resume", folder)
     _same(before, _complete(settings))
     return arrays
 
@@ -113,7 +112,7 @@ def read(folder: Path, settings: str) -> dict[str, np.ndarray]:
 def _complete(settings: str) -> str:
     """Settings, and the software and compiler options that the bits depend on too."""
     software = versions() | {"XLA_FLAGS": xla_options()}
-    return settings.rstrip("\n") + "".join(f"\n# {name} {value}" for name, value in software.items())
+    return f"{settings.rstrip()}\n{record(software)}"
 
 
 def _same(before: str, now: str) -> None:

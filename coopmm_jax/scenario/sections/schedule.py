@@ -1,9 +1,12 @@
-"""The section [schedule] of a scenario: gains that change over time, linearly between knots.
+"""The section [schedule] of a scenario: gains that change over time or along the path, linearly between knots.
 
     [schedule]
     times = [0.0, 2.0, 20.0]                               # s
     K_lambda = [1.0, 3.0, 3.0]                             # at each of these times, in the place of [gains] K_lambda
     K_sigma = [[0.5, 0.5, 0.5, 2.0, 2.0, 2.0], 1.0, 1.0]   # each entry on its own, where it is a list
+
+With ``phases`` in the place of ``times`` they change with the phase of the desired motion, and repeat themselves round
+a closed path and on circles.
 
 >>> schedule_section("robust_adaptive")(times=(0.0, 2.0), K_lambda=(1.0, 3.0)).schedule(rows=4).values["K_lambda"][1]
 (3.0, 3.0, 3.0, 3.0)
@@ -20,17 +23,20 @@ from pydantic import Field, create_model, model_validator
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import DEFAULT, controller, gains_of, initial
-from coopmm_jax.parameters import Schedule
-from coopmm_jax.scenario.fields import NotNegative, Section, quantity
+from coopmm_jax.parameters import PhaseSchedule, Schedule
+from coopmm_jax.scenario.fields import Finite, NotNegative, Section, quantity
 from coopmm_jax.scenario.sections.controller import LawSection, all_controllers, entries_of, gains_section
 
 
 class ScheduleSection(Section):
-    """[schedule]: gains that change over time, linear between times and constant outside them."""
+    """[schedule]: gains that change, linear between times and constant outside them, or between phases of the path."""
 
     path: ClassVar[str] = "schedule"
     controller: ClassVar[str] = DEFAULT
     times: Annotated[tuple[NotNegative, ...], Field(max_length=64)] | None = quantity(None, "of the knots [s]")
+    phases: Annotated[tuple[Finite, ...], Field(max_length=64)] | None = quantity(
+        None, "of the path at the knots, or yaw on circles [rad], in the place of times"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -38,32 +44,43 @@ class ScheduleSection(Section):
         """Let "none" stand for a gain of any controller, so that a schedule can be taken away whatever it is."""
         return {k: v for k, v in data.items() if v != "none"} if isinstance(data, Mapping) else data
 
-    def schedule(self, rows: int) -> Schedule | None:
+    def schedule(self, rows: int) -> Schedule | PhaseSchedule | None:
         """The schedule with so many constraint rows in force; None where all gains are constant.
 
         Raises:
-            UserError: times that do not rise, or knots that are not as many as times or have a wrong length.
+            UserError: places of the knots that do not rise, or knots that are not as many or have a wrong length.
         """
         about = gains_of(controller(self.controller).made)
         found = {name: getattr(self, name) for name in _schedulable(self.controller)}
         given = {name: knots for name, knots in found.items() if knots is not None}
-        if self.times is None:
+        over, places = self._places()
+        if places is None:
             if given:
                 raise UserError("schedule.times", "given with a schedule of gains", "left out")
             return None
-        if len(self.times) < 2 or any(b <= a for a, b in pairwise(self.times)):
-            raise UserError("schedule.times", "at least two times, each later than the one before", list(self.times))
         if not given:
-            raise UserError("schedule.times", "given with a schedule of gains", "alone")
+            raise UserError(f"schedule.{over}", "given with a schedule of gains", "alone")
         for name, knots in given.items():
-            if len(knots) != len(self.times):
-                must = f"a list of {len(self.times)}, one for each of schedule.times"
+            if len(knots) != len(places):
+                must = f"a list of {len(places)}, one for each of schedule.{over}"
                 raise UserError(f"schedule.{name}", must, f"a list of {len(knots)}")
         values = {
             name: tuple(entries_of(about[name], knot, rows, f"schedule.{name}[{i}]") for i, knot in enumerate(knots))
             for name, knots in given.items()
         }
-        return Schedule(self.times, values)
+        return (Schedule if over == "times" else PhaseSchedule)(places, values)
+
+    def _places(self) -> tuple[str, tuple[float, ...] | None]:
+        """Places of the knots, and the field that has them."""
+        if self.times is not None and self.phases is not None:
+            raise UserError("schedule.phases", "left out where schedule.times is given", "given")
+        if self.phases is None:
+            over, places, later = "times", self.times, "two times, each later"
+        else:
+            over, places, later = "phases", self.phases, "two phases, each higher"
+        if places is not None and (len(places) < 2 or any(b <= a for a, b in pairwise(places))):
+            raise UserError(f"schedule.{over}", f"at least {later} than the one before", list(places))
+        return over, places
 
 
 @functools.cache
@@ -91,15 +108,14 @@ def _knots(name: str, gain: str) -> Any:
     return tuple[one, ...] | None, quantity(None, f"{gain} at each of the times")
 
 
-def schedule_table(schedule: Schedule | None) -> dict[str, Any]:
+def schedule_table(schedule: Schedule | PhaseSchedule | None) -> dict[str, Any]:
     """The table [schedule] of a scenario that has this schedule, or none."""
+    table: dict[str, Any] = dict.fromkeys(("times", "phases", *_of_all_controllers()), "none")
     if schedule is None:
-        return dict.fromkeys(("times", *_of_all_controllers()), "none")
-    table: dict[str, Any] = {"times": [float(t) for t in schedule.times]}
-    for name in _of_all_controllers():
-        knots = schedule.values.get(name)
-        table[name] = "none" if knots is None else [_plain(knot) for knot in knots]
-    return table
+        return table
+    places, values = schedule
+    table["times" if isinstance(schedule, Schedule) else "phases"] = [float(place) for place in places]
+    return table | {name: [_plain(knot) for knot in knots] for name, knots in values.items()}
 
 
 def _of_all_controllers() -> list[str]:

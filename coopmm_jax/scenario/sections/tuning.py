@@ -73,7 +73,10 @@ class TuningSection(Section):
     path: ClassVar[str] = "tuning"
     gains: tuple[str, ...] = quantity((), "gains to tune, by name")
     channels: Literal["separate", "shared"] = quantity("separate", "entries of a gain tuned one by one or as one")
-    schedule: Knots = quantity(1, "knots over time of every tuned gain, linear between them; 1: constant gains")
+    schedule: Knots = quantity(1, "knots of every tuned gain, linear between them; 1: constant gains")
+    schedule_over: Literal["time", "phase"] = quantity(
+        "time", "what the knots are spread over: the duration, or one turn or the whole length of the path"
+    )
     bounds: Bounds = quantity(Bounds(), "[low, high] by gain")
     weights: Weights = quantity(Weights(), "of the cost's terms, by name")
     adversaries: Adversaries = quantity(0, "worst samples searched for after an iteration, to train on from then on")
