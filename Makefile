@@ -9,7 +9,7 @@ NEW_ENOUGH := -c 'import sys; sys.exit(sys.version_info < (3, 11))'
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
 	"$$p" $(NEW_ENOUGH) 2>/dev/null && { echo "$$p"; break; }; done)
 
-.PHONY: demo test clean
+.PHONY: demo test docs clean
 
 demo: $(VENV)/.installed
 	$(BIN)/python -m experiments.reproduce_paper --out results/paper
@@ -23,6 +23,16 @@ test: $(VENV)/.installed-test
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
+# The site in build/site: notebooks are run at full size, which takes minutes, and again only after they have changed.
+NOTEBOOKS := $(patsubst experiments/notebooks/%,build/notebooks/%,$(wildcard experiments/notebooks/*.ipynb))
+
+docs: $(VENV)/.installed-test $(NOTEBOOKS)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo "the documentation is in build/site/index.html"
+
+build/notebooks/%.ipynb: experiments/notebooks/%.ipynb | $(VENV)/.installed-test
+	$(BIN)/python -m nbconvert --execute --to notebook --output-dir build/notebooks $<
+
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find $(SOURCES) -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -34,7 +44,7 @@ $(BIN)/python:
 # Python compiles what is imported when it is; compiling every file of every package takes a third of an installation.
 # The stamps stand beside whatever .venv already holds, so an environment made by hand is completed, not rebuilt.
 $(VENV)/.installed: EXTRAS :=
-$(VENV)/.installed-test: EXTRAS := [test]
+$(VENV)/.installed-test: EXTRAS := [test,docs]
 $(VENV)/.installed $(VENV)/.installed-test: pyproject.toml constraints.txt coopmm_jax/__init__.py | $(BIN)/python
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt --editable '.$(EXTRAS)'

@@ -1,4 +1,4 @@
-"""Pictures of shipped scenarios for the documentation: paths, a flat surface, a tip knocked off a stiff one.
+"""Pictures of shipped scenarios for the documentation: the robots in the middle of a run, paths, a tip knocked off.
 
     python -m experiments.scenario_pictures [--out docs]
 
@@ -22,11 +22,12 @@ from coopmm_jax.files import result_folder
 from coopmm_jax.plotting.lines import runs
 
 WIDTH = 640  # of a frame [pixel]
+FRAMES = ("paper", "paper_full", "uncertain", "sensed", "free", "rough", "flat")
 KNOCKED = (3.95, 4.45)  # [s], when the tip of `compliant` is off the surface, and a little more
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write ``flat.png``, ``compliant.png`` and one picture for each path.
+    """Write a picture of each scenario: of a moment, of its path, and of the gap of ``compliant``.
 
     Args:
         argv: the arguments; by default those of the process, which is then taken to run nothing else.
@@ -43,7 +44,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     knocked = cm.load_scenario("compliant", simulation={"duration": KNOCKED[1]})
     try:
         with result_folder(folder) as results:
-            plotting.save(frame(cm.simulate("flat"), 9.0), results / "flat.png")
+            for name in FRAMES:
+                plotting.save(frame(cm.simulate(name), 9.0), results / f"{name}.png")
             for name in ("ellipse", "eight", "waypoints"):
                 plotting.save(plotting.platform_paths(cm.simulate(name)), results / f"{name}.png")
             compared = {f"K_lambda = {gain:g}": knocked.with_overrides({"gains.K_lambda": gain}) for gain in (0.3, 1.0)}

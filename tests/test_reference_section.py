@@ -49,6 +49,24 @@ def test_scenario_survives_its_file(tmp_path):
     assert cm.load_scenario(file) == first
 
 
+@pytest.mark.parametrize("kind", ["waypoints", "csv", "table"])
+def test_fits_have_defaults_that_can_be_used(kind, tmp_path):
+    """Orders are whole numbers, also where a scenario leaves them out."""
+    x, y = 1.7 * np.cos(ANGLE), 1.2 * np.sin(ANGLE)
+    np.savetxt(tmp_path / "loop.csv", np.stack([x, y], axis=1), delimiter=",")
+    fields = {"waypoints": {"x": x.tolist(), "y": y.tolist()}, "csv": {"file": str(tmp_path / "loop.csv")}, "table": {}}
+    place = "force" if kind == "table" else "path"
+    made = scenario(reference=ALONG | {place: {"kind": kind} | fields[kind]})
+    assert getattr(made.reference, place).order in (9, 12)
+
+
+@pytest.mark.parametrize("count", range(2, 8))
+def test_tables_go_through_their_values_however_few(count):
+    times = np.linspace(0.0, 10.0, count)
+    made = Table.build(tuple(times), tuple(15.0 + np.sin(times)), order=40)
+    np.testing.assert_allclose([made.value(t) for t in times], 15.0 + np.sin(times), atol=1e-9)
+
+
 def test_simulated_ellipse():
     """The study's figures, from a scenario; desired force and headings are recorded over time."""
     run = cm.simulate(scenario(simulation={"duration": 1.0}))

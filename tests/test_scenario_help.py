@@ -1,5 +1,6 @@
 """Commands that tell a newcomer about scenarios: init, scenarios, metrics, help, completion; none imports JAX."""
 
+import math
 import subprocess
 import sys
 import tomllib
@@ -69,6 +70,16 @@ def test_init_writes_overrides_and_nothing_over_a_file(tmp_path, capsys):
         assert main(["init", *words]) == 2
         assert capsys.readouterr().err == f"coopmm: error: {said}\n"
     assert [path.name for path in tmp_path.iterdir()] == ["new"]
+
+
+def test_a_file_that_init_names_is_found_from_anywhere(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    points = "".join(f"{1.7 * math.cos(k / 2):.6f},{1.2 * math.sin(k / 2):.6f}\n" for k in range(12))
+    (tmp_path / "loop.csv").write_text(points, encoding="utf-8")
+    path = ["--reference.path.kind", "csv", "--reference.path.file", "loop.csv"]
+    assert main(["init", "deep/mine.toml", "--scenario", "ellipse", *path]) == 0
+    monkeypatch.chdir("deep")
+    assert load_scenario("mine.toml").reference.path.file == str(tmp_path / "loop.csv")
 
 
 def test_scenarios_prints_one(capsys):

@@ -42,9 +42,17 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     if path.suffix != ".toml":
         raise UserError("FILE", "a .toml file", options.out)
     check_out(options, path, option="FILE", file=True)
-    scenario = load_scenario(options.scenario, **changes)
+    scenario = load_scenario(options.scenario, **_found_from_anywhere(changes))
     head = f"# Scenario for coopmm, begun from {one_line(options.scenario)}; coopmm help SECTION tells more.\n\n"
     with result_folder(path.parent, "FILE") as folder:
         write_text(folder / path.name, head + commented(scenario))
     print(f"written to {path}; run it by coopmm simulate {path}")
     return DONE
+
+
+def _found_from_anywhere(changes: dict[str, Any]) -> dict[str, Any]:
+    """Changes with the names of files as absolute paths: a scenario's own are looked for beside it."""
+    return {
+        name: str(resolve_path(value, f"--{name}").absolute()) if name.endswith(".file") else value
+        for name, value in changes.items()
+    }

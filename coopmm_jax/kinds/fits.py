@@ -55,7 +55,7 @@ def table_fit(times: np.ndarray, values: np.ndarray, degree: int) -> Fit:
 def _chebyshev(x: np.ndarray, values: np.ndarray, degree: int) -> Fit:
     from scipy.interpolate import make_interp_spline
 
-    spline = make_interp_spline(x, values, k=min(5, (len(x) - 1) // 2 * 2 + 1) if len(x) > 2 else 1)
+    spline = make_interp_spline(x, values, k=min(5, len(x) - 1))
     nodes = np.cos(np.pi * (np.arange(_FINE) + 0.5) / _FINE)
     coefficients = np.polynomial.chebyshev.chebfit(nodes, spline(nodes), degree)
     fitted = np.polynomial.chebyshev.chebval(nodes, coefficients)

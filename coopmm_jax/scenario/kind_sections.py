@@ -139,7 +139,7 @@ def _section(made_by: type, base: type[KindSection]) -> type[Any]:
             raise UserError(f"{kind.label}: {name}", f"named unlike the fields of every {kind.group} ({taken})", name)
     fields: dict[str, Any] = {"kind": (Literal[kind.name], Field(kind.name, description="what it is"))}
     for name, (type_, about, default) in kind.fields.items():
-        given = {} if default is registry.MISSING else {"default": _plain(default)}
+        given = {} if default is registry.MISSING else {"default": default if type_ is int else _plain(default)}
         fields[name] = (_type(type_, about), Field(description=about.meaning, **given))
     made = create_model(f"{kind.made.__name__}Section", __base__=base, __doc__=inspect.getdoc(kind.made), **fields)
     made.about = classmethod(lambda cls: kind)  # pyright: ignore[reportAttributeAccessIssue]

@@ -26,6 +26,11 @@ _OPERATORS = {"<=": operator.le, ">=": operator.ge, "==": operator.eq, "<": oper
 _FORM = re.compile(rf"\s*({'|'.join(_OPERATORS)})\s*(\S+)\s*")
 
 
+def relations() -> tuple[str, ...]:
+    """Forms of a limit."""
+    return tuple(_OPERATORS)
+
+
 class Requirement(NamedTuple):
     """A metric, and the limit it has to keep."""
 

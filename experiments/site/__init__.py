@@ -1,0 +1,1 @@
+"""The documentation site: pages that are made of code, notebooks and documents when it is built."""
