@@ -60,7 +60,7 @@ def test_fits_have_defaults_that_can_be_used(kind, tmp_path):
     assert getattr(made.reference, place).order in (9, 12)
 
 
-@pytest.mark.parametrize("count", range(2, 8))
+@pytest.mark.parametrize("count", range(2, 7))  # one polynomial goes through these
 def test_tables_go_through_their_values_however_few(count):
     times = np.linspace(0.0, 10.0, count)
     made = Table.build(tuple(times), tuple(15.0 + np.sin(times)), order=40)
