@@ -42,7 +42,7 @@ from coopmm_jax.status import Status
 from coopmm_jax.sweeps import measure
 from coopmm_jax.sweeps.measure import Measured
 from tuning.cost import evaluate
-from tuning.studies import state
+from tuning.studies import state, tune
 
 _SWEPT = "--out s.zarr --batch 8 --keep 8 --samples 24"
 LONGEST = 500  # characters of a message
@@ -264,7 +264,7 @@ def nothing_computed() -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         for place, name in ((simulation, "_compiled"), (measure, "_run"), (evaluate, "_run"), (film, "Animation")):
             stack.enter_context(mock.patch.object(place, name, _computes))
-        silent = ((evaluate, "compile_gradients", None), (style, "publish", None), (cli, "_parser", parser))
+        silent = ((tune, "compile_ahead", None), (style, "publish", None), (cli, "_parser", parser))
         for place, name, found in silent:
             stack.enter_context(mock.patch.object(place, name, return_value=found))
         stack.enter_context(warnings.catch_warnings())

@@ -86,7 +86,11 @@ class BaseScenario(HardwareSections):
         Raises:
             UserError: an unknown field, or a value it cannot have.
         """
-        return validate(type(self), laid_over(self.model_dump(exclude_none=True), changes))
+        changed = {str(name).partition(".")[0] for name in changes}
+        if "law" in changed:  # another controller has other sections
+            changed = set(type(self).model_fields)
+        tables = laid_over(self.model_dump(include=changed, exclude_none=True), changes)
+        return validate(type(self), dict(self) | tables)  # the other sections are valid already
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
         """Pickle the tables: classes of sections that are made for a controller have no name to be found by."""
@@ -118,7 +122,7 @@ class BaseScenario(HardwareSections):
         """Everything numeric, as Python floats in the pytree that a rollout takes."""
         return Parameters(
             plant=self._plant(),
-            nominal=self._nominal(),
+            nominal=self.nominal_model(),
             gains=full_gains(dict(self), len(self.coupling.rows)),
             disturbance=tuple(entry.disturbance() for entry in self.disturbance),
             reference=self.reference.reference(self._surface()),
@@ -144,7 +148,8 @@ class BaseScenario(HardwareSections):
             return None
         return (MovingRail if self.coupling.guide == "moving" else Rail)(reference.path, reference.timing)
 
-    def _nominal(self) -> tuple[Inertia, Inertia]:
+    def nominal_model(self) -> tuple[Inertia, Inertia]:
+        """Masses and inertias that the controller believes in."""
         plant = {name: _scaled(getattr(self.plant, name), self.nominal.scale) for name in Inertia._fields}
         given = {name: value for name, value in self.nominal if name != "scale" and value is not None}
         return _inertias(plant | given)

@@ -89,9 +89,8 @@ class Variation(Generic[Varied]):
 
     def parameters(self, points: Any) -> Parameters:
         """Parameters of the samples at ``points`` (..., D): what varies has shape (...), the rest is Python floats."""
-        changed = self._with(self.values(points))
-        unaware = changed.model_copy(update={"plant": self.scenario.plant})
-        return changed.parameters()._replace(nominal=unaware.parameters().nominal)
+        values = self.values(points)
+        return self._with(values).parameters()._replace(nominal=self._nominal(values))
 
     def structure(self) -> Structure:
         """Static choices of the scenario, with every effect in force whose numbers vary."""
@@ -118,7 +117,7 @@ class Variation(Generic[Varied]):
 
         Its masses and inertias of the controller's model are spelt out, so that they stay what they were.
         """
-        nominal = self._with(values).model_copy(update={"plant": self.scenario.plant}).parameters().nominal
+        nominal = self._nominal(values)
         spelt_out: dict[str, Any] = {name: [getattr(robot, name) for robot in nominal] for name in Inertia._fields}
         spelt_out["m_obj"] = nominal[1].m_obj
         changes = self._tables(values) | {f"nominal.{name}": value for name, value in spelt_out.items()}
@@ -135,6 +134,10 @@ class Variation(Generic[Varied]):
                 pair = changes.setdefault(number.place, list(_pair(_current(self.scenario, number.place)[1])))
                 pair[number.robot] = values[number.name]
         return changes
+
+    def _nominal(self, values: dict[str, Any]) -> tuple[Inertia, Inertia]:
+        """Masses and inertias that the controller believes in: of its own numbers, but not of the plant's."""
+        return self._with(values).model_copy(update={"plant": self.scenario.plant}).nominal_model()
 
     def _with(self, values: dict[str, Any]) -> Varied:
         """Scenario with unchecked values, arrays among them."""
@@ -161,12 +164,12 @@ def vary(scenario: Varied) -> Variation[Varied]:
     with np.errstate(all="ignore"):  # what overflows is refused as not finite
         for end in (LOWEST, HIGHEST):
             _check_end(variation, end)
+        _check_effects(variation)
     return variation
 
 
 def _check_end(variation: Variation, end: float) -> None:
-    """Check that every number alone is possible, and matters, at its smallest and its largest."""
-    nominal = variation.scenario.parameters()
+    """Check that every number alone is possible at its smallest or its largest."""
     for number in variation.numbers:
         alone = Variation(variation.scenario, (number,))
         values = {name: float(value) for name, value in alone.values(np.array([end])).items()}
@@ -176,7 +179,13 @@ def _check_end(variation: Variation, end: float) -> None:
             own = error.field == number.place
             must = error.must if own else f"such that {error.field} is {error.must}"
             raise UserError(f"uncertainty.{number.name}", must, error.was) from None
-        if alone.parameters(np.array([_INSIDE])) == nominal:
+
+
+def _check_effects(variation: Variation) -> None:
+    """Check that every number alone changes something."""
+    nominal = variation.scenario.parameters()
+    for number in variation.numbers:
+        if Variation(variation.scenario, (number,)).parameters(np.array([_INSIDE])) == nominal:
             must = "a number that changes the simulation (a factor on 0 does not: use offset)"
             raise UserError(f"uncertainty.{number.name}", must, number.base)
 
