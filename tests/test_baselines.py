@@ -1,6 +1,7 @@
 """The controllers that the paper's is compared with: a second derivation, closed forms, gradients, both loops."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -8,6 +9,8 @@ from coopmm_jax.control.controller import Freedom, Seen, known_to_controller, re
 from coopmm_jax.kinds.baselines import ComputedTorque, ModelBased, Pid, RobustFixed, SlidingMode
 from coopmm_jax.kinds.controllers import gains_of, name_of, signals_of
 from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.form import Scalars
+from coopmm_jax.loop.sampled_loop import sampled_step
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import build_model
@@ -96,3 +99,42 @@ def test_joint_errors_obey_a_pd_where_the_model_is_exact():
     velocity, rate, computed = along_the_flow(case, "velocity_error")
     position = computed["position_error"]
     assert_close(rate, -np.array(gains.K_d) * velocity - np.array(gains.K_p) * position, 1e-13)
+
+
+# Relative, of differences of the fourth order, whose truncation and rounding are both near 1e-11.
+SHIFTS = (2e-3, 1e-3, -1e-3, -2e-3)
+MOST_GAINS = 32
+
+
+def test_slopes_of_the_loop_by_every_gain_are_those_of_differences(case):
+    """Accelerations, the state's rates and constraint forces at one instant, which a rollout is made of."""
+    leaves, tree = jax.tree.flatten(case.parameters.gains)
+    count = len(leaves)
+
+    def loop(values):
+        model = case.model._replace(gains=jax.tree.unflatten(tree, list(values)))
+        rates, signals = closed_loop(LAWS[1], model, T, case.state)
+        return jnp.stack([*rates.velocity, *jax.tree.leaves(rates.controller), *signals.constraint_force])
+
+    # One batch for slopes and shifted values, of one size for all controllers, so that it compiles once.
+    directions = np.zeros((1 + len(SHIFTS), MOST_GAINS, count))
+    directions[:, :count] = np.diag(leaves)
+    points = np.array(leaves) + np.array([0.0, *SHIFTS])[:, None, None] * directions
+    batch = (x.reshape(-1, count) for x in (points, directions))
+    found = jax.vmap(lambda x, along: jax.jvp(loop, (x,), (along,)))(*batch)
+    values, slopes = (np.array(x).reshape(1 + len(SHIFTS), MOST_GAINS, -1)[:, :count] for x in found)
+    differences = np.tensordot([-1.0, 8.0, -8.0, 1.0], values[1:], 1) / (6.0 * SHIFTS[0])
+    np.testing.assert_allclose(slopes[0], differences, rtol=1e-9, atol=1e-9 * np.abs(slopes[0]).max())
+    assert np.all(np.abs(slopes[0]).max(axis=1) > 0)
+
+
+def test_sampled_loop_moves_the_state_by_one_step_of_its_rates(case):
+    law, period = LAWS[1]._replace(substeps=1), 1e-3
+    (rates, signals), (after, sampled) = (
+        closed_loop(LAWS[1], case.model, T, case.state),
+        sampled_step(law, Scalars(), case.model, 0, T, period, case.state),
+    )
+    before = vector(jax.tree.leaves(case.own))
+    expected = before + period * vector(jax.tree.leaves(rates.controller))
+    assert_close(vector(jax.tree.leaves(after.controller)), expected, 1e-14)
+    assert_close(joined(sampled.torque), joined(signals.torque), 1e-14)
