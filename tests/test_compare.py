@@ -104,7 +104,6 @@ def test_command_prints_and_writes(answer, files):
         (["stiff", "broken"], "GAINS: must be a TOML file, or the word scenario, was"),
         (["stiff", "short"], "GAINS: must be a file of [gains], [law] and [schedule], or the word scenario, was"),
         (["stiff", "unknown"], "gains.K_sigmaa: must be a field of [gains] (did you mean K_sigma?), was unknown"),
-        (["stiff", "printed"], "law: must be without choices that change the control law's equations"),
         (["stiff", OWN, "--samples", "0"], "--samples: must be at least 1, was 0"),
         (["stiff", OWN, "--scenario", "paper"], "uncertainty: must be given"),
     ],
@@ -112,7 +111,6 @@ def test_command_prints_and_writes(answer, files):
 def test_bad_input_is_one_line_and_leaves_nothing(files, capsys, arguments, message):
     (files / "broken.toml").write_text("gains = [")
     (files / "unknown.toml").write_text("[gains]\nK_sigmaa = 1.0\n")
-    (files / "printed.toml").write_text('[gains]\n[law]\nrobust_term = "printed"\n')
     words = [
         word if word.startswith("-") or word in (OWN, "paper", "0") else f"{files / word}.toml" for word in arguments
     ]

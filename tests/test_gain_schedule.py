@@ -269,8 +269,3 @@ def test_gains_with_and_without_a_schedule_are_compared_as_one_program(pair):
             np.testing.assert_allclose(found, expected, rtol=1e-14)
     structures = {str(jax.tree.structure(each)) for each in compare.alike(sets)}
     assert len(structures) == 1
-
-
-def test_gains_over_time_and_over_the_phase_are_not_compared():
-    with pytest.raises(UserError, match=r"^GAINS: must be gains that change all over time or all over the phase, was"):
-        compare.alike([Parameters(schedule=RAMP), Parameters(schedule=ROUND)])

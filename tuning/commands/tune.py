@@ -42,6 +42,11 @@ def add(commands: Subparsers) -> None:
     add_overwrite(parser)
     parser.add_argument("--pareto", metavar="K", type=int, help="tune K weightings between quality and effort at once")
     parser.add_argument(
+        "--controllers",
+        metavar="A,B,...",
+        help="tune each of these with equal effort, then compare them",
+    )
+    parser.add_argument(
         "--adversarial",
         action="store_true",
         help=f"train on the worst samples too that are found on the way, short for --tuning.adversaries {ADVERSARIES}",
@@ -54,7 +59,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
 
     Raises:
         UserError: options that exclude each other, results that are there already, or as ``read_gains``,
-            ``load_scenario``, ``tune`` and ``tune_front``.
+            ``load_scenario``, ``tune``, ``tune_controllers`` and ``tune_front``.
     """
     if options.seed is not None:
         changes = changes | {"simulation.seed": options.seed}
@@ -67,6 +72,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         check_out(options, resolve_path(options.out, "--out"), more="--resume or ")
     if options.pareto is not None:
         return _front(scenario, options)
+    if options.controllers is not None:
+        return _controllers(scenario, options)
     from tuning.commands.progress import Progress
     from tuning.reports.tune import table, write_report  # slow to import, as the next
     from tuning.studies.state import NAME, SETTINGS
@@ -92,10 +99,33 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     return DONE
 
 
+def _controllers(scenario: Scenario, options: argparse.Namespace) -> int:
+    """Several controllers in place of one."""
+    from tuning.commands.progress import Progress
+    from tuning.reports import compare, tune  # slow to import, as the next
+    from tuning.studies.controllers import tune_controllers
+
+    target = resolve_path(options.out, "--out")
+    limit = math.inf if options.time_budget is None else options.time_budget
+    shown = Progress(1e6 * scenario.tuning.budget)
+    names = [name.strip() for name in options.controllers.split(",")]
+    with locked_folder(target):
+        tuned = tune_controllers(scenario, names, target, options.resume, shown.row, shown.stage, limit)
+        for name, result in tuned.results.items():
+            with result_folder(target / name) as folder:
+                tune.write_report(folder, result)
+        with result_folder(target) as folder:
+            compare.write_report(folder, tuned.compared)
+    print(compare.table(tuned.compared), end="")
+    print(f"written to {options.out}; gains and a report of each controller in a folder of its name there")
+    return DONE
+
+
 def _front(scenario: Scenario, options: argparse.Namespace) -> int:
     """The front between quality and effort in place of one tuning."""
-    if options.resume:
-        raise UserError("--resume", "left out where --pareto is given", "given")
+    for option in ("resume", "controllers"):
+        if getattr(options, option):
+            raise UserError(f"--{option}", "left out where --pareto is given", "given")
     if scenario.tuning.adversaries:
         raise UserError("tuning.adversaries", "0 where --pareto is given", scenario.tuning.adversaries)
     from tuning.commands.progress import Progress

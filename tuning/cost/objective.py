@@ -202,7 +202,6 @@ def check_finite(found: np.ndarray, completed: np.ndarray) -> None:
             raise UserError(f"{kind.label}: value", must, found[..., i][wrong][0])
 
 
-def coefficients(weights: Mapping[str, float], scales: np.ndarray) -> np.ndarray:
-    """Weight over scale of each term (9,): its mean under the starting gains, but not below its floor in ``TERMS``."""
-    floors = np.array([floor for _, floor in TERMS.values()])
-    return np.array([weights[name] for name in TERMS]) / np.maximum(scales, floors)
+def coefficients(weights: Mapping[str, float], scales: Mapping[str, float]) -> np.ndarray:
+    """Weight over scale of each term (9,), in the order of ``TERMS``, from both by name."""
+    return np.array([weights[name] / scales[name] for name in TERMS])

@@ -11,6 +11,7 @@ For an optimiser of your own:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -188,19 +189,38 @@ def with_objective(scenario: Scenario, variation: Variation, objective: Objectiv
 
 
 def scaled(problem: Problem, start: np.ndarray) -> Problem:
-    """The problem with its terms scaled by their means under the vector ``start`` (n,).
-
-    The means are over the fixed samples that complete.
+    """The problem with its terms scaled as ``scales`` says.
 
     Raises:
-        UserError: none completes.
+        UserError: as ``scales``.
     """
-    settings = problem.scenario.tuning
-    fixed = problem.samples(VALIDATION, settings.validation_samples)
+    return with_scales(problem, scales(problem, start))
+
+
+def with_scales(problem: Problem, scales: Mapping[str, float]) -> Problem:
+    """The problem with its terms divided by these scales, by name."""
+    weights = problem.scenario.tuning.weights.of_all()
+    return replace(problem, cost=replace(problem.cost, coefficients=coefficients(weights, scales)))
+
+
+def scales(problem: Problem, start: np.ndarray) -> dict[str, float]:
+    """Scale of every term by name: as [tuning.scales] says, or its mean under the vector ``start`` (n,).
+
+    The means are over the fixed samples that complete, and not below the floors of ``TERMS``.
+
+    Raises:
+        UserError: a scale is left out, and no sample completes.
+    """
+    given = problem.scenario.tuning.scales.of_all()
+    means = {} if all(given.values()) else _means(problem, start)
+    return {name: scale or means[name] for name, scale in given.items()}
+
+
+def _means(problem: Problem, start: np.ndarray) -> dict[str, float]:
+    fixed = problem.samples(VALIDATION, problem.scenario.tuning.validation_samples)
     found = evaluate.evaluate(problem.cost.objective, start[None], fixed)
     completed = found.completed[0]
     if not completed.any():
         raise UserError("gains", "such that at least one validation sample completes, to scale the cost by", "none")
-    scales = np.mean(found.terms[0][completed], axis=0)
-    cost = replace(problem.cost, coefficients=coefficients(settings.weights.of_all(), scales))
-    return replace(problem, cost=cost)
+    means = np.mean(found.terms[0][completed], axis=0)
+    return {name: max(float(mean), floor) for (name, (_, floor)), mean in zip(TERMS.items(), means, strict=True)}

@@ -20,8 +20,9 @@ from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import vary
 from tuning.cost.objective import Objective
-from tuning.cost.problem import TEST, Problem, check_count, scaled, with_objective
-from tuning.studies.comparison import Comparison, compare
+from tuning.cost.problem import TEST, Problem, check_count, with_objective, with_scales
+from tuning.cost.problem import scales as terms_scales
+from tuning.studies.comparison import Comparison, compare, stacked
 
 AnySchedule = Schedule | PhaseSchedule
 OWN = "scenario"  # stands for the scenario's own gains in the place of a file
@@ -88,11 +89,43 @@ def compare_gains(
         check_count(samples, "--samples", len(sources))
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
-    own, *sets = alike([_gains(scenario, source) for source in (OWN, *sources)])
-    problem = _problem(scenario, own)
-    vectors = np.stack([_vector(gains) for gains in sets])
-    comparison = compare(problem, vectors, TEST, samples or scenario.tuning.test_samples)
-    return ComparedGains(scenario, labels(sources), comparison)
+    return compare_scenarios(scenario, [_laid(scenario, source) for source in sources], labels(sources), samples)
+
+
+def compare_scenarios(
+    scenario: Scenario, sets: Sequence[Scenario], names: Sequence[str], samples: int | None = None
+) -> ComparedGains:
+    """Compare scenarios that differ from one in [law], [gains] and [schedule] alone, as ``compare_gains`` does.
+
+    Args:
+        scenario: the one whose own gains scale the cost.
+        sets: S of them.
+        names: for the report (S,).
+        samples: number of samples; by default the scenario's tuning.test_samples.
+
+    Raises:
+        UserError: as ``compare_gains``.
+    """
+    count = samples or scenario.tuning.test_samples
+    groups: dict[Any, list[int]] = {_program(scenario): []}  # its own program runs whether or not it is compared
+    for i, one in enumerate(sets):
+        groups.setdefault(_program(one), []).append(i)
+    scales, found = {}, {}
+    for members in groups.values():
+        first = scenario if not scales else sets[members[0]]
+        own, *gains = alike([each.parameters() for each in (first, *(sets[i] for i in members))])
+        problem = _unscaled(first, own)
+        scales = scales or terms_scales(problem, _vector(own))
+        if members:
+            vectors = np.stack([_vector(each) for each in gains])
+            compared = compare(with_scales(problem, scales), vectors, TEST, count)
+            found |= {i: (compared, row) for row, i in enumerate(members)}
+    return ComparedGains(scenario, tuple(names), stacked([found[i] for i in range(len(sets))]))
+
+
+def _program(scenario: Scenario) -> Any:
+    """Key that sets of gains share which one compiled program runs."""
+    return scenario.structure(), scenario.law.controller, isinstance(scenario.parameters().schedule, PhaseSchedule)
 
 
 def labels(sources: Sequence[str | Path]) -> tuple[str, ...]:
@@ -113,20 +146,17 @@ def labels(sources: Sequence[str | Path]) -> tuple[str, ...]:
 
 
 def alike(sets: Sequence[Parameters]) -> list[tuple[Gains, AnySchedule | None]]:
-    """Gains and schedules that differ in their numbers alone: what changes in one does so in all.
+    """Gains and schedules, all over time or all over the phase, that differ in their numbers alone.
+
+    What changes in one does so in all:
 
     >>> ramp = Parameters(schedule=Schedule((0.0, 1.0), {"k2": (5.0, 7.0)}))
     >>> [schedule.values["k2"] for _, schedule in alike([Parameters(), ramp])]
     [(5.0, 5.0), (5.0, 7.0)]
-
-    Raises:
-        UserError: some change over time and others over the phase.
     """
     schedules = [each.schedule for each in sets if each.schedule is not None]
     if not schedules:
         return [(each.gains, None) for each in sets]
-    if len({type(schedule) for schedule in schedules}) > 1:
-        raise UserError("GAINS", "gains that change all over time or all over the phase", "some over each")
     names = sorted({name for schedule in schedules for name in schedule.values})
     knots = max(len(schedule[0]) for schedule in schedules)
     return [(each.gains, _extended(each, type(schedules[0]), names, knots)) for each in sets]
@@ -149,30 +179,26 @@ def _extended(parameters: Parameters, over: type[AnySchedule], names: Sequence[s
     return over(filled(tuple(places)), {name: filled(at) for name, at in found.items()})
 
 
-def _gains(scenario: Scenario, source: str | Path) -> Parameters:
-    """Parameters of the scenario under a gains file."""
+def _laid(scenario: Scenario, source: str | Path) -> Scenario:
+    """The scenario under a gains file."""
     if str(source) == OWN:
-        return scenario.parameters()
+        return scenario
     try:
         tables = read_gains(source)
     except UserError as error:
         raise UserError("GAINS", f"{error.must}, or the word {OWN}", error.was) from None
     try:
-        changed = scenario.with_overrides(tables)
+        return scenario.with_overrides(tables)
     except UserError as error:
         raise UserError(f"{source}: {error.field}", error.must, error.was, error.more) from None
-    if changed.structure() != scenario.structure():
-        must = "without choices that change the control law's equations (simulate them as scenarios of their own)"
-        raise UserError(f"{source}: law", must, ", ".join(tables["law"]))
-    return changed.parameters()
 
 
 def _vector(gains: tuple[Gains, AnySchedule | None]) -> np.ndarray:
     return np.array(jax.tree.leaves(gains))
 
 
-def _problem(scenario: Scenario, own: tuple[Gains, AnySchedule | None]) -> Problem:
-    """The scenario's cost over its whole duration, as a function of any gains, its ``own`` among them."""
+def _unscaled(scenario: Scenario, own: tuple[Gains, AnySchedule | None]) -> Problem:
+    """The scenario's cost over its whole duration, as a function of any gains like its ``own``."""
     variation = vary(scenario)
     if not variation.numbers:
         raise UserError("uncertainty", "given, so that there are samples to compare on", "empty")
@@ -181,4 +207,4 @@ def _problem(scenario: Scenario, own: tuple[Gains, AnySchedule | None]) -> Probl
     )  # in the place of a GainSpace: only its size and what it applies are used
     settings = scenario.tuning
     objective = Objective(space, variation.structure(), scenario.sample_time, scenario.steps, settings.tracking_from)
-    return scaled(with_objective(scenario, variation, objective), _vector(own))
+    return with_objective(scenario, variation, objective)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -62,6 +62,27 @@ def compare(problem: Problem, vectors: np.ndarray, first: int, count: int) -> Co
         status=np.stack([one.status for one in measured]),
         times=horizon.times(),
         series={name: np.stack([one[name] for one in series]) for name in series[0]},
+    )
+
+
+def stacked(rows: Sequence[tuple[Comparison, int]]) -> Comparison:
+    """One comparison of sets from several on the same samples.
+
+    Args:
+        rows: for each set, the comparison that has it, and its place there.
+    """
+
+    def row(of: Callable[[Comparison], np.ndarray]) -> np.ndarray:
+        return np.stack([of(each)[i] for each, i in rows])
+
+    first = rows[0][0]
+    return Comparison(
+        costs=row(lambda each: each.costs),
+        terms=row(lambda each: each.terms),
+        metrics={name: row(lambda each, name=name: each.metrics[name]) for name in first.metrics},
+        status=row(lambda each: each.status),
+        times=first.times,
+        series={name: row(lambda each, name=name: each.series[name]) for name in first.series},
     )
 
 

@@ -43,23 +43,32 @@ class Bounds(Section):
         return self
 
 
-_weights: dict[str, Any] = {name: (NotNegative, kind.made.weight) for name, kind in cost_terms.terms().items()}
-_OfTerms = create_model("_OfTerms", __base__=Section, **_weights)
+class OfTerms(Section, extra="allow"):
+    """A number for each term of the cost; terms of plugins come on top of the declared fields."""
 
-
-class Weights(_OfTerms, extra="allow"):
-    """[tuning.weights]: of the cost's terms, each of which is 1 under the starting gains."""
-
-    # of the terms that plugins have registered
-    __pydantic_extra__: dict[str, NotNegative] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
+    table: ClassVar[str]
 
     @model_validator(mode="after")
-    def _known_terms(self) -> Weights:
-        for name in self.__pydantic_extra__:
+    def _known_terms(self) -> Self:
+        for name in self.__pydantic_extra__ or ():
             if name not in cost_terms.terms():
-                must = f"a field of [tuning.weights]{closest(name, cost_terms.terms())}, or a term of a --plugin"
+                must = f"a field of [{self.table}]{closest(name, cost_terms.terms())}, or a term of a --plugin"
                 raise UserError(name, must, "unknown")
         return self
+
+
+_weights: dict[str, Any] = {name: (NotNegative, kind.made.weight) for name, kind in cost_terms.terms().items()}
+_Weights = create_model("_Weights", __base__=OfTerms, **_weights)
+_scales: dict[str, Any] = dict.fromkeys(cost_terms.terms(), (Positive | None, None))
+_Scales = create_model("_Scales", __base__=OfTerms, **_scales)
+
+
+class Weights(_Weights):
+    """[tuning.weights]: of the cost's terms, each of which is 1 under the starting gains."""
+
+    table = "tuning.weights"
+    # of the terms that plugins have registered
+    __pydantic_extra__: dict[str, NotNegative] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def of_all(self) -> dict[str, float]:
         """Weight of every term, also of those of plugins, in the order of ``cost_terms.terms()``."""
@@ -67,8 +76,24 @@ class Weights(_OfTerms, extra="allow"):
         return {name: own.get(name, kind.made.weight) for name, kind in cost_terms.terms().items()}
 
 
+class Scales(_Scales):
+    """[tuning.scales]: what the cost's terms are divided by; one left out is its mean under the starting gains.
+
+    Tunings that start elsewhere, or under another controller, have the same cost where these are given.
+    """
+
+    table = "tuning.scales"
+    # of the terms that plugins have registered
+    __pydantic_extra__: dict[str, Positive] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    def of_all(self) -> dict[str, float | None]:
+        """Scale of every term, None where it is left out, in the order of ``cost_terms.terms()``."""
+        own = dict(self)
+        return {name: own.get(name) for name in cost_terms.terms()}
+
+
 class TuningSection(Section):
-    """[tuning]: which gains are tuned, for what, on how many samples, for how long; see its .bounds and .weights."""
+    """[tuning]: gains, cost, samples and duration of a tuning; see its .bounds, .weights and .scales."""
 
     path: ClassVar[str] = "tuning"
     gains: tuple[str, ...] = quantity((), "gains to tune, by name")
@@ -79,6 +104,7 @@ class TuningSection(Section):
     )
     bounds: Bounds = quantity(Bounds(), "[low, high] by gain")
     weights: Weights = quantity(Weights(), "of the cost's terms, by name")
+    scales: Scales = quantity(Scales(), "of the cost's terms, by name")
     adversaries: Adversaries = quantity(0, "worst samples searched for after an iteration, to train on from then on")
     risk: Literal["mean", "cvar", "soft_worst", "worst"] = quantity("mean", "how samples' costs become one")
     risk_level: Level = quantity(0.9, "cvar: share of the samples left out, the best ones")
