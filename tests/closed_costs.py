@@ -9,6 +9,7 @@ import numpy as np
 from coopmm_jax.scenario.scenario import load_scenario
 from tuning.cost import evaluate as batches
 from tuning.cost.objective import TERMS
+from tuning.studies import compare as sets
 from tuning.studies import comparison
 from tuning.studies import result as outcome
 from tuning.studies.comparison import Comparison
@@ -58,8 +59,8 @@ def replace_rollouts(monkeypatch):
     def compare(problem, vectors, first, count):
         samples = problem.samples(first, count)
         found = evaluate(None, vectors, samples)
-        metrics = {name: np.ones((2, count)) for name in ("contact_loss_fraction", "force_min")}
-        series = {name: np.ones((2, 2, 3)) for name in comparison.measure.SERIES}
+        metrics = {name: np.ones((len(vectors), count)) for name in ("contact_loss_fraction", "force_min")}
+        series = {name: np.ones((len(vectors), 2, 3)) for name in comparison.measure.SERIES}
         costs = found.costs(problem.cost.coefficients)
         return Comparison(costs, found.terms, metrics, np.where(found.completed, 0, 1), np.arange(3.0), series)
 
@@ -73,4 +74,5 @@ def replace_rollouts(monkeypatch):
     monkeypatch.setattr(batches, "compile_costs", lambda *_: None)
     monkeypatch.setattr(comparison, "compile_ahead", lambda _: None)
     monkeypatch.setattr(outcome, "compare", compare)
+    monkeypatch.setattr(sets, "compare", compare)
     return Stand

@@ -110,7 +110,8 @@ def _controllers(scenario: Scenario, options: argparse.Namespace) -> int:
     shown = Progress(1e6 * scenario.tuning.budget)
     names = [name.strip() for name in options.controllers.split(",")]
     with locked_folder(target):
-        tuned = tune_controllers(scenario, names, target, options.resume, shown.row, shown.stage, limit)
+        told = (shown.row, shown.stage, limit, options.overwrite)
+        tuned = tune_controllers(scenario, names, target, options.resume, *told)
         for name, result in tuned.results.items():
             with result_folder(target / name) as folder:
                 tune.write_report(folder, result)

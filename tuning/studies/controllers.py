@@ -44,6 +44,7 @@ def tune_controllers(
     progress: Progress | None = None,
     stage: Callable[[str], None] | None = None,
     time_budget: float = np.inf,
+    overwrite: bool = False,
 ) -> TunedControllers:
     """Tune each controller for the same cost, on the same samples, with the same budget; then compare all.
 
@@ -56,14 +57,15 @@ def tune_controllers(
         progress: called with each row of each history.
         stage: called with the name of what begins.
         time_budget: of each [s].
+        overwrite: begin anew where there are runs.
 
     Raises:
         UserError: an unknown controller, one given twice, fewer than two, or as ``tune``.
     """
     under(scenario, names)  # what is wrong with names and folders is told before anything runs
     begun = [name for name in names if out is not None and (out / name / state.NAME).exists()]
-    if begun and not resume:
-        raise UserError("--out", "a folder without a tuning run, or --resume given", out)
+    if begun and not (resume or overwrite):
+        raise UserError("--out", "a folder without a tuning run, or --resume or --overwrite given", out)
     if resume and not begun:
         raise UserError("--resume", f"used with a folder that has a run of {', '.join(names)}", out)
     with jax.enable_x64(True):
@@ -74,7 +76,7 @@ def tune_controllers(
         if stage is not None:
             stage(name)
         folder = None if out is None else out / name
-        results[name] = tune(one, folder, name in begun, progress, stage, time_budget)
+        results[name] = tune(one, folder, resume and name in begun, progress, stage, time_budget, overwrite)
     return TunedControllers(results, compare_scenarios(scaled, [r.scenario for r in results.values()], names))
 
 
