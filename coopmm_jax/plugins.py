@@ -11,6 +11,7 @@ import hashlib
 import importlib.util
 import sys
 import traceback
+from collections.abc import Iterable
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import CodeType
@@ -32,7 +33,15 @@ class Plugin(NamedTuple):
     version: str  # of the package, or the beginning of the SHA-256 of the file's bytes
 
 
+class Source(NamedTuple):
+    """A plugin's file, to be loaded in another process."""
+
+    path: str
+    content: bytes
+
+
 _loaded: dict[str, Plugin] = {}  # by resolved path, or by name of the entry point
+_contents: dict[str, bytes] = {}  # of files, by the same path
 
 
 def load_plugin(path: str | Path, option: str = OPTION) -> None:
@@ -50,7 +59,26 @@ def load_plugin(path: str | Path, option: str = OPTION) -> None:
         content = file.read_bytes()
     except OSError as error:
         raise UserError(option, "a Python file", f"{path} ({error.strerror})") from None
-    key, plugin = str(file.resolve()), Plugin(file.name, hashlib.sha256(content).hexdigest()[:_DIGITS])
+    _load(file.resolve(), content, path, option)
+
+
+def sources() -> tuple[Source, ...]:
+    """Files that have been loaded, in their order."""
+    return tuple(Source(path, content) for path, content in _contents.items())
+
+
+def load_sources(files: Iterable[Source]) -> None:
+    """Load files that another process has loaded, whether or not they exist here.
+
+    Raises:
+        UserError: as ``load_plugin``.
+    """
+    for path, content in files:
+        _load(Path(path), content, path, OPTION)
+
+
+def _load(file: Path, content: bytes, path: str | Path, option: str) -> None:
+    key, plugin = str(file), Plugin(file.name, hashlib.sha256(content).hexdigest()[:_DIGITS])
     if key in _loaded:
         if _loaded[key] != plugin:
             raise UserError(option, "a file that does not change while this process runs", path)
@@ -58,7 +86,7 @@ def load_plugin(path: str | Path, option: str = OPTION) -> None:
     if any(other.name == plugin.name for other in _loaded.values()):
         raise UserError(option, "files of different names", path)
     _run(file, content, option)
-    _loaded[key] = plugin
+    _loaded[key], _contents[key] = plugin, content
 
 
 def load_installed() -> None:

@@ -12,15 +12,17 @@ from __future__ import annotations
 import functools
 import os
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, as_completed, wait
+from contextvars import ContextVar
 from queue import SimpleQueue
 from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import numpy as np
 
-Device: TypeAlias = Any  # a jax.Device, for which JAX has no class that type checkers know
+Device: TypeAlias = Any  # a jax.Device, for which JAX has no class that type checkers know, or ``Elsewhere``
 _KEPT = 24  # executables
 
 
@@ -32,15 +34,29 @@ class Program(NamedTuple):
     options: tuple[tuple[str, Any], ...] = ()  # of XLA, by name
 
 
+class Elsewhere(ABC):
+    """A slot that is no device of this process; what runs there is compiled there."""
+
+    @abstractmethod
+    def run(self, program: Program, elements: tuple[Any, ...], shared: tuple[Any, ...]) -> Any:
+        """Results of a batch, as the function ``run`` has them."""
+
+
+# Slots in the place of the local devices, for calls from within ``engine.carried_by``.
+elsewhere: ContextVar[tuple[Elsewhere, ...]] = ContextVar("elsewhere", default=())
+
+
 def run(program: Program, device: Device, elements: tuple[Any, ...], shared: tuple[Any, ...] = ()) -> Any:
     """Results of a batch, NumPy arrays (B, ...), in double precision if any argument is.
 
     Args:
         program: compiled if it has not been yet for this device and arguments of these shapes.
-        device: to run on.
+        device: to run on, or a slot elsewhere.
         elements: arguments that each batch element has its own of: pytrees of NumPy arrays (B, ...), () for all alike.
         shared: arguments that all have in common: pytrees of NumPy arrays.
     """
+    if isinstance(device, Elsewhere):
+        return device.run(program, elements, shared)
     with jax.enable_x64(_double((elements, shared))):  # of this thread only
         executable = _executable(program, device, elements, shared)
         return jax.device_get(executable(*jax.device_put((*elements, *shared), device)))
@@ -48,6 +64,8 @@ def run(program: Program, device: Device, elements: tuple[Any, ...], shared: tup
 
 def prepare(program: Program, device: Device, elements: tuple[Any, ...], shared: tuple[Any, ...] = ()) -> None:
     """Compile what ``run`` needs for arguments of these shapes; ``jax.ShapeDtypeStruct`` will do for an array."""
+    if isinstance(device, Elsewhere):
+        return
     with jax.enable_x64(_double((elements, shared))):
         _executable(program, device, elements, shared)
 
@@ -72,11 +90,13 @@ def in_batches(compute: Callable[[Device, np.ndarray], Any], count: int, size: i
 
 
 def slots() -> list[Device]:
-    """Local devices, each as often as it should have batches in flight.
+    """Slots of ``engine.carried_by``, or else local devices, each as often as it should have batches in flight.
 
     A batch keeps one CPU core busy, so the CPU's devices get one thread for each core; another device gets two, so that
     it computes while the host writes.
     """
+    if elsewhere.get():
+        return list(elsewhere.get())
     devices = jax.local_devices()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     each = max(1, cores // len(devices)) if devices[0].platform == "cpu" else 2

@@ -14,6 +14,7 @@ import operator
 import shutil
 import time
 from collections.abc import Iterator
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,7 @@ from coopmm_jax.sweeps import measure
 from coopmm_jax.sweeps import store as sweep_store
 from coopmm_jax.sweeps.batch import concurrently, slots
 from coopmm_jax.sweeps.contents import Contents, Labels
+from coopmm_jax.sweeps.engine import carried_by, naming
 from coopmm_jax.sweeps.measure import SERIES, Horizon
 from coopmm_jax.sweeps.processes import Share
 from coopmm_jax.sweeps.store import SweepStore
@@ -63,6 +65,7 @@ def sweep(
     batch: int = BATCH,
     share: Share = ALONE,
     overwrite: bool = False,
+    executor: Executor | None = None,
 ) -> xarray.Dataset:
     """Simulate samples of a scenario with [uncertainty], on all cores or local devices.
 
@@ -80,6 +83,7 @@ def sweep(
         batch: samples in one call of the compiled function; more than the default suits a GPU.
         share: this process's part of the work.
         overwrite: begin anew where there is a store at ``out``.
+        executor: whose workers run the batches, see ``sweeps/engine.py``; left out, this process does.
 
     Returns:
         Parameters, metrics and status by sample, read from the store when they are used.
@@ -100,7 +104,9 @@ def sweep(
         raise UserError("uncertainty", "a section that names what varies", "empty")
     points = sampler(sampling, scenario.simulation.seed, len(variation.draws))
     contents = _contents(variation, sampling, keep, batch)
-    path, places = None if out is None else resolve_path(out, "out"), slots()
+    path = None if out is None else resolve_path(out, "out")
+    with carried_by(executor):
+        places = slots()
     _check_memory(contents, len(places), samples or SAMPLES, path)
     plausible.warn_of(scenario)
     check_reference(scenario)
@@ -222,9 +228,10 @@ def _fill(
         batch, at = item
         parameters = variation.batch(at, indices(batch))
         rows = {"parameters": np.stack(list(variation.values(at).values()), axis=1)}
-        if indices(batch)[0] < contents.kept(store.samples):  # first, while another thread compiles what measures
-            rows |= measure.trace(structure, horizon, device, parameters)
-        rows |= measure.measure(structure, horizon, device, parameters)._asdict()
+        with naming(f"samples {indices(batch)[0]} to {indices(batch)[-1]}"):
+            if indices(batch)[0] < contents.kept(store.samples):  # first, while another thread compiles what measures
+                rows |= measure.trace(structure, horizon, device, parameters)
+            rows |= measure.measure(structure, horizon, device, parameters)._asdict()
         _write(store, batch, rows)
 
     done = (len(batches) - len(missing)) * contents.batch_size

@@ -12,6 +12,7 @@ For an optimiser of your own:
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from coopmm_jax.scenario.feasible import check_reference
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import HIGHEST, LOWEST, Variation, vary
+from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost import evaluate
 from tuning.cost.evaluate import Samples
 from tuning.cost.gain_space import GainSpace
@@ -48,6 +50,7 @@ class Problem:
     scenario: Scenario
     variation: Variation
     cost: RobustCost  # over the whole duration
+    executor: Executor | None = None  # whose workers run it, see ``coopmm_jax/sweeps/engine.py``
 
     @property
     def space(self) -> GainSpace:
@@ -83,7 +86,8 @@ class Problem:
             precision: float64, or float32, which is twice as fast and tells candidates apart that are not close.
         """
         inside = self.space.inside(np.atleast_2d(vectors))
-        return self.cost.values(inside, self.fixed if samples is None else samples, precision)
+        with carried_by(self.executor):
+            return self.cost.values(inside, self.fixed if samples is None else samples, precision)
 
     def slopes(self, vectors: np.ndarray, samples: Samples | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Risks (C,) of vectors (C, n) and their exact gradients (C, n), by reverse mode through the rollouts.
@@ -92,7 +96,9 @@ class Problem:
             vectors: logarithms of gains, between the bounds.
             samples: as in ``costs``.
         """
-        return self.cost.slopes(self.space.inside(np.atleast_2d(vectors)), self.fixed if samples is None else samples)
+        inside = self.space.inside(np.atleast_2d(vectors))
+        with carried_by(self.executor):
+            return self.cost.slopes(inside, self.fixed if samples is None else samples)
 
     def samples(self, first: int, count: int) -> Samples:
         """The independent samples ``first`` to ``first + count - 1``."""
@@ -117,11 +123,12 @@ class Problem:
         return self.drawn(self.scenario.tuning.validation_samples, CHOICE)
 
 
-def build_problem(scenario: Scenario | str | Path) -> Problem:
+def build_problem(scenario: Scenario | str | Path, executor: Executor | None = None) -> Problem:
     """The problem of a scenario with [uncertainty]; runs the starting gains on fixed samples for the scales.
 
     Args:
         scenario: a scenario, or the name or path of one.
+        executor: whose workers run the rollouts, see ``coopmm_jax/sweeps/engine.py``; left out, this process does.
 
     Raises:
         UserError: nothing varies, a setting does not fit, a bound excludes the start, or no sample survives the start.
@@ -130,7 +137,7 @@ def build_problem(scenario: Scenario | str | Path) -> Problem:
         scenario = load_scenario(scenario)
     plausible.warn_of(scenario)
     check_reference(scenario)
-    problem = unscaled(scenario)
+    problem = replace(unscaled(scenario), executor=executor)
     return scaled(problem, problem.start)
 
 
@@ -218,7 +225,8 @@ def scales(problem: Problem, start: np.ndarray) -> dict[str, float]:
 
 def _means(problem: Problem, start: np.ndarray) -> dict[str, float]:
     fixed = problem.samples(VALIDATION, problem.scenario.tuning.validation_samples)
-    found = evaluate.evaluate(problem.cost.objective, start[None], fixed)
+    with carried_by(problem.executor):
+        found = evaluate.evaluate(problem.cost.objective, start[None], fixed)
     completed = found.completed[0]
     if not completed.any():
         raise UserError("gains", "such that at least one validation sample completes, to scale the cost by", "none")

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from coopmm_jax.parameters import Gains, Parameters, PhaseSchedule, Schedule
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import vary
+from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost.objective import Objective
 from tuning.cost.problem import TEST, Problem, check_count, with_objective, with_scales
 from tuning.cost.problem import scales as terms_scales
@@ -66,7 +68,10 @@ class ComparedGains:
 
 
 def compare_gains(
-    scenario: Scenario | str | Path, sources: Sequence[str | Path], samples: int | None = None
+    scenario: Scenario | str | Path,
+    sources: Sequence[str | Path],
+    samples: int | None = None,
+    executor: Executor | None = None,
 ) -> ComparedGains:
     """Run several sets of gains on the same samples of a scenario's [uncertainty], over the whole duration.
 
@@ -78,6 +83,7 @@ def compare_gains(
         sources: paths of gains files or of folders that have them, laid over the scenario, or the word "scenario" for
             its own gains; at least two.
         samples: number of samples; by default the scenario's tuning.test_samples.
+        executor: whose workers run the rollouts, see ``coopmm_jax/sweeps/engine.py``; left out, this process does.
 
     Raises:
         UserError: fewer than two sources, a file that does not hold gains of this scenario, nothing varies, or no
@@ -89,7 +95,9 @@ def compare_gains(
         check_count(samples, "--samples", len(sources))
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
-    return compare_scenarios(scenario, [_laid(scenario, source) for source in sources], labels(sources), samples)
+    sets = [_laid(scenario, source) for source in sources]
+    with carried_by(executor):
+        return compare_scenarios(scenario, sets, labels(sources), samples)
 
 
 def compare_scenarios(

@@ -11,6 +11,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ import numpy as np
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import controller
 from coopmm_jax.scenario.scenario import Scenario
+from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost import problem
 from tuning.studies import state
 from tuning.studies.compare import ComparedGains, compare_scenarios
@@ -45,6 +47,7 @@ def tune_controllers(
     stage: Callable[[str], None] | None = None,
     time_budget: float = np.inf,
     overwrite: bool = False,
+    executor: Executor | None = None,
 ) -> TunedControllers:
     """Tune each controller for the same cost, on the same samples, with the same budget; then compare all.
 
@@ -58,6 +61,7 @@ def tune_controllers(
         stage: called with the name of what begins.
         time_budget: of each [s].
         overwrite: begin anew where there are runs.
+        executor: whose workers run the rollouts, see ``coopmm_jax/sweeps/engine.py``; left out, this process does.
 
     Raises:
         UserError: an unknown controller, one given twice, fewer than two, or as ``tune``.
@@ -68,7 +72,7 @@ def tune_controllers(
         raise UserError("--out", "a folder without a tuning run, or --resume or --overwrite given", out)
     if resume and not begun:
         raise UserError("--resume", f"used with a folder that has a run of {', '.join(names)}", out)
-    with jax.enable_x64(True):
+    with jax.enable_x64(True), carried_by(executor):
         unscaled = problem.unscaled(scenario)
         scales = problem.scales(unscaled, unscaled.start)
     results, scaled = {}, scenario.with_overrides({"tuning.scales": scales})
@@ -76,8 +80,9 @@ def tune_controllers(
         if stage is not None:
             stage(name)
         folder = None if out is None else out / name
-        results[name] = tune(one, folder, resume and name in begun, progress, stage, time_budget, overwrite)
-    return TunedControllers(results, compare_scenarios(scaled, [r.scenario for r in results.values()], names))
+        results[name] = tune(one, folder, resume and name in begun, progress, stage, time_budget, overwrite, executor)
+    with carried_by(executor):
+        return TunedControllers(results, compare_scenarios(scaled, [r.scenario for r in results.values()], names))
 
 
 def under(scenario: Scenario, names: Sequence[str]) -> list[Scenario]:

@@ -8,6 +8,7 @@ other and ends the search. Noise is not searched: every rollout has the scenario
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from scipy.stats import qmc
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import HIGHEST, LOWEST, Variation
+from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost import evaluate
 from tuning.cost.evaluate import Samples
 from tuning.cost.objective import FAILED
@@ -109,7 +111,11 @@ class Falsification:
 
 
 def falsify(
-    scenario: Scenario | str | Path, rollouts: int = ROLLOUTS, starts: int = STARTS, problem: Problem | None = None
+    scenario: Scenario | str | Path,
+    rollouts: int = ROLLOUTS,
+    starts: int = STARTS,
+    problem: Problem | None = None,
+    executor: Executor | None = None,
 ) -> Falsification:
     """Search a scenario's [uncertainty] for the sample of the highest cost.
 
@@ -120,6 +126,7 @@ def falsify(
         rollouts: budget, over the whole duration each; a gradient counts as the rollouts it costs.
         starts: number of scrambled Sobol points from which the climbs set out, the highest first.
         problem: of this scenario, if built already.
+        executor: whose workers run the rollouts, see ``coopmm_jax/sweeps/engine.py``; left out, this process does.
 
     Raises:
         UserError: the scenario has no uncertainty or cannot be tuned, or the budget has no room for a climb.
@@ -127,7 +134,11 @@ def falsify(
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
     check_count(starts, "starts")
-    problem = build_problem(scenario) if problem is None else problem
+    with carried_by(executor):
+        return _falsified(scenario, rollouts, starts, build_problem(scenario) if problem is None else problem)
+
+
+def _falsified(scenario: Scenario, rollouts: int, starts: int, problem: Problem) -> Falsification:
     cost, variation = problem.cost, problem.variation
     found = _climbed(problem, problem.space.start, rollouts, starts)
     worst = found.peaks[0]

@@ -11,6 +11,7 @@ array([ True,  True, False])
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import jax
@@ -19,6 +20,7 @@ import numpy as np
 from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import Gains, PhaseSchedule, Schedule
 from coopmm_jax.scenario.scenario import Scenario
+from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost import evaluate
 from tuning.cost.evaluate import Evaluated
 from tuning.cost.objective import TERMS
@@ -102,6 +104,7 @@ def tune_front(
     count: int,
     progress: Progress | None = None,
     stage: Callable[[str], None] | None = None,
+    executor: Executor | None = None,
 ) -> Front:
     """Tune gains for ``count`` weightings between quality and effort.
 
@@ -113,6 +116,7 @@ def tune_front(
         count: at least 2.
         progress: called with each row of every search's history.
         stage: called with the name of what begins.
+        executor: whose workers run the rollouts, see ``coopmm_jax/sweeps/engine.py``; left out, this process does.
 
     Raises:
         UserError: fewer than two weightings, no weight on quality or on effort, or settings that cannot be met.
@@ -120,7 +124,7 @@ def tune_front(
     if not 2 <= count <= MOST:
         raise UserError("--pareto", f"from 2 to {MOST} weightings", count)
     say = stage or (lambda name: None)
-    with jax.enable_x64(True):
+    with jax.enable_x64(True), carried_by(executor):
         groups = _groups(scenario)
         space = unscaled(scenario).space
         chosen = plan(scenario.tuning, scenario.simulation.seed, space.size, space.knots)

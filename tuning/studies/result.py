@@ -11,6 +11,7 @@ import numpy as np
 from coopmm_jax.scenario.gains_file import gains_text
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.software import loaded_plugins, versions
+from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost.problem import TEST
 from tuning.studies.chatter import Slopes, slopes
 from tuning.studies.comparison import Comparison, compare
@@ -78,7 +79,7 @@ def report(
         stopped: why that ended.
         resumable: whether it ended early.
     """
-    with jax.enable_x64(True):
+    with jax.enable_x64(True), carried_by(problem.executor):
         space, scenario = problem.space, problem.scenario
         vector = space.inside(vector)
         vectors = np.stack([space.start, vector])

@@ -8,6 +8,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +17,8 @@ import numpy as np
 
 from coopmm_jax.files import write_text
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.sweeps.batch import elsewhere
+from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost import evaluate
 from tuning.cost.problem import SCREENING, Problem, build_problem, unscaled
 from tuning.cost.trials import DrawnTrials, steps_of
@@ -67,6 +70,7 @@ def tune(
     stage: Callable[[str], None] | None = None,
     time_budget: float = np.inf,
     overwrite: bool = False,
+    executor: Executor | None = None,
 ) -> TuningResult:
     """Tune the gains that the scenario's [tuning] names.
 
@@ -81,6 +85,7 @@ def tune(
         stage: called with the name of what begins: compiling, screening, scanning, searching, choosing, measuring.
         time_budget: after which no iteration begins [s]; the search can be resumed.
         overwrite: begin anew where there is a run.
+        executor: whose workers run the rollouts, see ``coopmm_jax/sweeps/engine.py``; left out, this process does.
 
     Raises:
         UserError: settings that cannot be met, a folder that already has a run, or a resume with other settings.
@@ -88,12 +93,13 @@ def tune(
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
     say = stage or (lambda name: None)
-    with jax.enable_x64(True), state.run_folder(out, resume, overwrite) as folder:
+    with jax.enable_x64(True), carried_by(executor), state.run_folder(out, resume, overwrite) as folder:
         before = unscaled(scenario)
         chosen = plan(scenario.tuning, scenario.simulation.seed, before.space.size, before.space.knots)
         found = state.read(folder, scenario.to_toml()) if resume and folder else None
         say("compiling")
-        threading.Thread(target=compile_ahead, args=(before, chosen), name="compile ahead").start()
+        if not elsewhere.get():  # workers compile what they meet
+            threading.Thread(target=compile_ahead, args=(before, chosen), name="compile ahead").start()
         problem = build_problem(scenario)
         if folder is not None and not resume:
             state.clear(folder)
