@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+from collections.abc import Iterator
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -49,3 +52,25 @@ def check_out(
     """
     if not options.overwrite:
         check_unused(target, option, file=file, help_by=f"{more}--overwrite")
+
+
+def add_dask(parser: argparse.ArgumentParser) -> None:
+    """Let a command run its rollouts on Dask's workers."""
+    meaning = "run on the workers of this Dask scheduler (tcp://head:8786), or on N processes of this machine (local:N)"
+    parser.add_argument("--dask", metavar="ADDRESS", help=meaning)
+
+
+@contextlib.contextmanager
+def workers(options: argparse.Namespace) -> Iterator[Executor | None]:
+    """Executor of --dask; None without.
+
+    Raises:
+        UserError: as ``connected``.
+    """
+    if options.dask is None:
+        yield None
+        return
+    from coopmm_jax.sweeps.dask import connected
+
+    with connected(options.dask) as executor:
+        yield executor

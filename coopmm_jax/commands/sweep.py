@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
-from coopmm_jax.commands.options import add_gains_file, add_overwrite, with_gains
+from coopmm_jax.commands.options import add_dask, add_gains_file, add_overwrite, with_gains, workers
 from coopmm_jax.commands.report import publish_and_print, report_folder
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import check_folder
@@ -43,6 +43,7 @@ def add(commands: Subparsers) -> None:
     parser.add_argument("--size", metavar="P", type=int, help="number of these processes")
     parser.add_argument("--coordinator", metavar="HOST:PORT", help="where they meet through jax.distributed")
     parser.add_argument("--distributed", action="store_true", help="let jax.distributed find rank, size, coordinator")
+    add_dask(parser)
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True, sweeps=True)
 
 
@@ -62,7 +63,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     check_folder(folder)
     mine = share(options.rank, options.size, options.coordinator, options.distributed)
     names = ("samples", "seed", "sampling", "out", "resume", "overwrite", "keep", "batch")
-    data = sweep(scenario, **{name: getattr(options, name) for name in names}, share=mine)
+    with workers(options) as executor:
+        data = sweep(scenario, **{name: getattr(options, name) for name in names}, share=mine, executor=executor)
     missing = int((data.status < 0).sum())
     if missing:
         print(f"{missing} of {data.sizes['sample']} samples are left to other processes, or to --resume")

@@ -55,9 +55,8 @@ def _cluster(workers: int) -> Any:
     import distributed
 
     # One thread each: a batch keeps one core busy, and processes share none of Python's time.
-    return distributed.LocalCluster(
-        n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=logging.CRITICAL
-    )
+    settings: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    return distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **settings)
 
 
 def _check_workers(client: Any, address: str) -> None:

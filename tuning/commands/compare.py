@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES
-from coopmm_jax.commands.options import add_overwrite, check_out
+from coopmm_jax.commands.options import add_dask, add_overwrite, check_out, workers
 from coopmm_jax.files import resolve_path, result_folder
 from coopmm_jax.scenario.scenario import load_scenario
 
@@ -36,6 +36,7 @@ def add(commands: Subparsers) -> None:
     parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
     parser.add_argument("--out", metavar="DIR", help="folder for compare.txt, .json, .csv and figures")
     add_overwrite(parser)
+    add_dask(parser)
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
 
 
@@ -54,7 +55,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     from tuning.studies.compare import compare_gains  # imports JAX, as does the next
 
     with nullcontext() if options.out is None else result_folder(options.out) as folder:
-        compared = compare_gains(scenario, options.gains, options.samples)
+        with workers(options) as executor:
+            compared = compare_gains(scenario, options.gains, options.samples, executor)
         if folder is not None:
             write_report(folder, compared)
     print(table(compared), end="")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES
-from coopmm_jax.commands.options import add_gains_file, add_overwrite, check_out, with_gains
+from coopmm_jax.commands.options import add_dask, add_gains_file, add_overwrite, check_out, with_gains, workers
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path, result_folder, write_text
 from coopmm_jax.scenario.scenario import load_scenario
@@ -43,6 +43,7 @@ def add(commands: Subparsers) -> None:
         const=0,
         help="compare with the worst of N random samples (default: as many as rollouts were spent)",
     )
+    add_dask(parser)
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
 
 
@@ -57,19 +58,22 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     changes = with_gains(options, changes)
     path = None if options.out is None else _new_file(options)
     scenario = load_scenario(options.scenario, **changes)
-    from tuning.cost.problem import build_problem, check_count  # imports JAX, as does the next
+    from coopmm_jax.sweeps.engine import carried_by  # imports JAX, as do the next
+    from tuning.cost.problem import build_problem, check_count
     from tuning.studies.falsify import falsify, random_costs, table
 
     check_count(options.starts, "starts")
     if options.compare_random:
         check_count(options.compare_random, "--compare-random")
     with nullcontext() if path is None else result_folder(path.parent) as folder:
-        problem = build_problem(scenario)
-        found = falsify(scenario, options.rollouts, options.starts, problem)
+        with workers(options) as executor, carried_by(executor):
+            problem = build_problem(scenario)
+            found = falsify(scenario, options.rollouts, options.starts, problem)
+            count = options.compare_random or found.rollouts
+            random = None if options.compare_random is None else random_costs(problem, count)
         if folder is not None and path is not None:
             write_text(folder / path.name, found.scenario.to_toml())
-    compare = options.compare_random is not None
-    print(table(found, random_costs(problem, options.compare_random or found.rollouts) if compare else None), end="")
+    print(table(found, random), end="")
     if path is not None:
         print(f"written to {options.out}; look at it by coopmm simulate {options.out}")
     return DONE

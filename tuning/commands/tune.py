@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES, fields_help
-from coopmm_jax.commands.options import add_gains_file, add_overwrite, check_out, with_gains
+from coopmm_jax.commands.options import add_dask, add_gains_file, add_overwrite, check_out, with_gains, workers
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import locked_folder, resolve_path, result_folder
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
@@ -51,6 +51,7 @@ def add(commands: Subparsers) -> None:
         action="store_true",
         help=f"train on the worst samples too that are found on the way, short for --tuning.adversaries {ADVERSARIES}",
     )
+    add_dask(parser)
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True, sweeps=True)
 
 
@@ -85,7 +86,9 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         ["coopmm", "tune", str(resolve_path(options.out, "--out") / SETTINGS), "--out", str(options.out), "--resume"]
     )
     try:
-        result = tune(scenario, options.out, options.resume, shown.row, shown.stage, limit, options.overwrite)
+        with workers(options) as executor:
+            told = (shown.row, shown.stage, limit, options.overwrite, executor)
+            result = tune(scenario, options.out, options.resume, *told)
     except KeyboardInterrupt:
         if (resolve_path(options.out, "--out") / NAME).exists():
             print(f"\ngo on by {again}", file=sys.stderr)
@@ -109,8 +112,8 @@ def _controllers(scenario: Scenario, options: argparse.Namespace) -> int:
     limit = math.inf if options.time_budget is None else options.time_budget
     shown = Progress(1e6 * scenario.tuning.budget)
     names = [name.strip() for name in options.controllers.split(",")]
-    with locked_folder(target):
-        told = (shown.row, shown.stage, limit, options.overwrite)
+    with locked_folder(target), workers(options) as executor:
+        told = (shown.row, shown.stage, limit, options.overwrite, executor)
         tuned = tune_controllers(scenario, names, target, options.resume, *told)
         for name, result in tuned.results.items():
             with result_folder(target / name) as folder:
@@ -136,7 +139,8 @@ def _front(scenario: Scenario, options: argparse.Namespace) -> int:
     target = resolve_path(options.out, "--out")
     shown = Progress(scenario.tuning)
     with locked_folder(target), result_folder(target) as folder:
-        front = tune_front(scenario, options.pareto, shown.row, shown.stage)
+        with workers(options) as executor:
+            front = tune_front(scenario, options.pareto, shown.row, shown.stage, executor)
         clear(target)
         write_report(folder, front)
     print(table(front), end="")

@@ -13,6 +13,7 @@ import numpy as np
 from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.parameters import Parameters
 from coopmm_jax.sweeps.batch import Device, Program, in_batches, prepare, run, slots
+from coopmm_jax.sweeps.engine import naming
 from tuning.cost.objective import FAILED, TERMS, Objective, check_finite
 
 BATCH = 32  # elements: one core is fastest with 32 to 64, and the usual 16 candidates x 4 samples fill two cores
@@ -120,7 +121,8 @@ def _run(
 
     def compute(device: Device, pairs: np.ndarray) -> Any:
         candidate, sample = np.divmod(pairs, count)
-        return run(program, device, (vectors[candidate], rows[sample], coefficients[candidate]))
+        with naming(f"candidates {candidate[0]} to {candidate[-1]} on samples {sample.min()} to {sample.max()}"):
+            return run(program, device, (vectors[candidate], rows[sample], coefficients[candidate]))
 
     arrays = in_batches(compute, candidates * count, _batch(function))
     arrays = (array.astype(float) if array.dtype == np.float32 else array for array in arrays)

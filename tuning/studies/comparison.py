@@ -15,6 +15,7 @@ from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps import measure
 from coopmm_jax.sweeps.batch import Device, in_batches, slots
+from coopmm_jax.sweeps.engine import naming
 from coopmm_jax.sweeps.measure import Horizon
 from tuning.cost import evaluate
 from tuning.cost.evaluate import BATCH, Samples
@@ -109,7 +110,8 @@ def _measured(problem: Problem, vector: np.ndarray, samples: Samples, horizon: H
     def compute(device: Device, rows: np.ndarray) -> measure.Measured:
         with jax.enable_x64(True):
             parameters = _with_gains(problem, vector, samples, rows)
-        return measure.measure(problem.variation.structure(), horizon, device, parameters)
+        with naming(f"samples {rows[0]} to {rows[-1]}"):
+            return measure.measure(problem.variation.structure(), horizon, device, parameters)
 
     return in_batches(compute, len(samples), BATCH)
 
