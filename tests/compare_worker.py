@@ -1,6 +1,7 @@
 """Comparisons of gains on real rollouts: run by test_compare.py in a process of its own, as ``runs_apart`` explains.
 
-The folder that it is given has stiff.toml, other.toml and short.toml, a scenario; the answer is pickled to answer.pkl.
+The folder that it is given has stiff.toml, other.toml, certain.toml and short.toml, a scenario; the answer is pickled
+to answer.pkl.
 """
 
 import contextlib
@@ -23,10 +24,10 @@ SAMPLE = 2
 
 
 def main(folder):
-    """Three sets; the same in another order, one of them twice; one sample alone; each set simulated; the command."""
+    """Three sets; with one of another controller; in another order; one sample alone; simulated; the command."""
     start_worker()
     scenario = cm.load_scenario(folder / "short.toml")
-    stiff, other = folder / "stiff.toml", folder / "other.toml"
+    stiff, other, certain = (folder / f"{name}.toml" for name in ("stiff", "other", "certain"))
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         arguments = [
             OWN,
@@ -40,9 +41,10 @@ def main(folder):
         code = coopmm(["compare", *arguments])
     answer = {
         "compared": compare_gains(scenario, [OWN, stiff, other]),
+        "controllers": compare_gains(scenario, [certain, OWN, stiff, other]),
         "permuted": compare_gains(scenario, [other, OWN, stiff, other]),
         "alone": compare_gains(scenario, [OWN, stiff], samples=1),
-        "simulated": [cm.simulate(single).metrics for single in _singles(scenario, stiff, other)],
+        "simulated": [cm.simulate(single).metrics for single in _singles(scenario, stiff, other, certain)],
         "command": (code, printed.getvalue()),
     }
     (folder / "answer.pkl").write_bytes(pickle.dumps(answer))

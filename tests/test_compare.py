@@ -27,13 +27,14 @@ SHORT = {
     "requirements": {"force_min": ">= 0", "force_error_rms": "<= 3.0"},
 }
 STIFF = "[gains]\nK_sigma = 5.0\nK_lambda = 4.0\n"
+CERTAIN = '[gains]\nK_sigma = 25.0\n[law]\ncontroller = "model_based"\n'
 OTHER = "[gains]\nK_a = 4.0\n[law]\ndelta_floor = 0.2\n"  # what [tuning] does not name
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("gains")
-    for name, text in {"stiff": STIFF, "other": OTHER}.items():
+    for name, text in {"stiff": STIFF, "other": OTHER, "certain": CERTAIN}.items():
         (folder / f"{name}.toml").write_text(text)
     (folder / "short.toml").write_text(cm.load_scenario("sensed", **SHORT).to_toml())
     return folder
@@ -69,11 +70,16 @@ def test_a_sample_does_not_depend_on_how_many_others_there_are(answer):
         np.testing.assert_array_equal(one[:, :1], alone)
 
 
+def test_another_controller_changes_nothing_about_the_others(answer):
+    for one, among in zip(arrays(answer["compared"], slice(None)), arrays(answer["controllers"], [1, 2, 3])):
+        np.testing.assert_array_equal(one, among)
+
+
 def test_numbers_are_those_of_simulate(answer):
     """Metrics of one sample; and the terms that are such metrics squared."""
-    comparison = answer["compared"].comparison
-    assert len({tuple(row) for row in comparison.costs}) == 3
-    for i, metrics in enumerate(answer["simulated"]):
+    comparison = answer["controllers"].comparison
+    assert len({tuple(row) for row in comparison.costs}) == 4
+    for i, metrics in zip([1, 2, 3, 0], answer["simulated"], strict=True):
         for name, value in metrics.items():
             found = comparison.metrics[name][i, compare_worker.SAMPLE]
             np.testing.assert_allclose(found, value, rtol=1e-8, atol=1e-10, err_msg=name)
