@@ -108,6 +108,7 @@ def _run(argv: Sequence[str], own_process: bool) -> int:
     if options.computes and own_process:
         runtime.use_fast_compilation(options.sweeps)
         runtime.use_compilation_cache()
+    options.argv = [*argv, *(f"{plugins.OPTION}={file}" for file in files)]
     return options.run(options, changes)
 
 

@@ -47,7 +47,7 @@ def test_version_and_help(capsys):
         assert shown in capsys.readouterr().out
 
 
-IN_BRACKETS = ("tuning.bounds.", "tuning.weights.")  # help shows these tables in one line each
+IN_BRACKETS = ("tuning.bounds.", "tuning.weights.", "tuning.scales.")  # help shows these tables in one line each
 
 
 def test_help_of_simulate_names_every_field_with_unit_and_default(capsys):

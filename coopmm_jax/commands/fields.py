@@ -90,6 +90,8 @@ def shown(value: Any, place: str) -> str:
         return " ".join(shown(entry, place) for entry in value)
     if value is None:
         return "the plant's" if place.startswith("nominal.") else "none"
+    if place == "tuning.scales" and not any(number for _, number in value):
+        return "the terms' means under the starting gains"
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import shlex
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
@@ -10,12 +12,14 @@ from coopmm_jax.commands.fields import OVERRIDES, fields_help
 from coopmm_jax.commands.options import add_dask, add_gains_file, add_overwrite, with_gains, workers
 from coopmm_jax.commands.report import publish_and_print, report_folder
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import check_folder
+from coopmm_jax.files import check_folder, resolve_path, write_text
 from coopmm_jax.scenario.overrides import merged, read_toml
 from coopmm_jax.scenario.scenario import load_scenario
 
 if TYPE_CHECKING:
     from coopmm_jax.commands import Subparsers
+
+_MOST_JOBS = 10_000
 
 
 def add(commands: Subparsers) -> None:
@@ -44,6 +48,9 @@ def add(commands: Subparsers) -> None:
     parser.add_argument("--coordinator", metavar="HOST:PORT", help="where they meet through jax.distributed")
     parser.add_argument("--distributed", action="store_true", help="let jax.distributed find rank, size, coordinator")
     add_dask(parser)
+    parser.add_argument(
+        "--slurm", metavar="N", type=int, help="write a script of N Slurm jobs beside STORE, run nothing"
+    )
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True, sweeps=True)
 
 
@@ -56,6 +63,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     if options.uncertainty is not None:
         changes = merged(_uncertainty_file(options.uncertainty), changes)
     scenario = load_scenario(options.scenario, **with_gains(options, changes))
+    if options.slurm is not None:
+        return _write_jobs(options)
     from coopmm_jax.sweeps.processes import share  # imports JAX, as does the next
     from coopmm_jax.sweeps.run import sweep
 
@@ -72,6 +81,46 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     publish_and_print(folder, data)
     print(f"written to {options.out} and {folder}")
     return DONE
+
+
+def _write_jobs(options: argparse.Namespace) -> int:
+    """Write a job array of which each task runs its share of this sweep.
+
+    Raises:
+        UserError: no number of jobs, or another way to share the work.
+    """
+    if not 1 <= options.slurm <= _MOST_JOBS:
+        raise UserError("--slurm", f"from 1 to {_MOST_JOBS} jobs", options.slurm)
+    for name in ("rank", "size", "coordinator", "distributed", "dask", "overwrite"):
+        if getattr(options, name):
+            raise UserError(f"--{name}", "left out where --slurm is given", "given")
+    store = resolve_path(options.out, "out")
+    path = store.with_suffix(".slurm")
+    if path.exists():
+        raise UserError("--slurm", "used where no script is yet", path)
+    words = [*without(options.argv, "--slurm"), *([] if options.resume else ["--resume"])]
+    lines = (
+        "#!/bin/sh",
+        f"#SBATCH --job-name={store.stem}",
+        f"#SBATCH --array=0-{options.slurm - 1}",
+        "#SBATCH --cpus-per-task=2",
+        f"#SBATCH --output={store.stem}.%a.log",
+        f'exec coopmm {shlex.join(words)} --rank "$SLURM_ARRAY_TASK_ID" --size {options.slurm}',
+    )
+    write_text(path, "\n".join(lines) + "\n")
+    print(f"written to {path}; submit it by sbatch {path}, read what it found by coopmm report {options.out}")
+    return DONE
+
+
+def without(argv: Sequence[str], option: str) -> list[str]:
+    """Command line without an option and its value.
+
+    >>> without(["sweep", "sensed", "--slurm", "8", "--keep=0"], "--slurm")
+    ['sweep', 'sensed', '--keep=0']
+    """
+    places = [i for i, word in enumerate(argv) if word == option]
+    dropped = {*places, *(i + 1 for i in places)}
+    return [word for i, word in enumerate(argv) if i not in dropped and not word.startswith(f"{option}=")]
 
 
 def _uncertainty_file(path: str) -> dict[str, Any]:

@@ -8,6 +8,7 @@ the results, some kB. A worker compiles a program when it first meets it, keeps 
 executable and as many neighbours as this process would: the bits are the same. Scenario, samples and results stay here,
 so that nothing has to be shared but this package, at one version.
 
+>>> from concurrent.futures import ThreadPoolExecutor
 >>> width(ThreadPoolExecutor(3))
 3
 """
@@ -66,7 +67,11 @@ def carried_by(executor: Executor | None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def naming(what: str) -> Iterator[None]:
-    """Say in an executor's failure what it was computing."""
+    """Say in an executor's failure what it was computing.
+
+    Raises:
+        UserError: the block raises that failure.
+    """
     try:
         yield
     except UserError as error:

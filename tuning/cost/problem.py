@@ -196,7 +196,7 @@ def with_objective(scenario: Scenario, variation: Variation, objective: Objectiv
 
 
 def scaled(problem: Problem, start: np.ndarray) -> Problem:
-    """The problem with its terms scaled as ``scales`` says.
+    """The problem with its terms scaled as ``scales`` says, from the vector ``start`` (n,).
 
     Raises:
         UserError: as ``scales``.
@@ -205,7 +205,7 @@ def scaled(problem: Problem, start: np.ndarray) -> Problem:
 
 
 def with_scales(problem: Problem, scales: Mapping[str, float]) -> Problem:
-    """The problem with its terms divided by these scales, by name."""
+    """The problem with its terms (9,) divided by these scales, by name."""
     weights = problem.scenario.tuning.weights.of_all()
     return replace(problem, cost=replace(problem.cost, coefficients=coefficients(weights, scales)))
 

@@ -104,7 +104,7 @@ class TuningSection(Section):
     )
     bounds: Bounds = quantity(Bounds(), "[low, high] by gain")
     weights: Weights = quantity(Weights(), "of the cost's terms, by name")
-    scales: Scales = quantity(Scales(), "of the cost's terms, by name")
+    scales: Scales = quantity(Scales(), "what the cost's terms are divided by, by name")
     adversaries: Adversaries = quantity(0, "worst samples searched for after an iteration, to train on from then on")
     risk: Literal["mean", "cvar", "soft_worst", "worst"] = quantity("mean", "how samples' costs become one")
     risk_level: Level = quantity(0.9, "cvar: share of the samples left out, the best ones")
