@@ -110,7 +110,7 @@ def _controllers(scenario: Scenario, options: argparse.Namespace) -> int:
 
     target = resolve_path(options.out, "--out")
     limit = math.inf if options.time_budget is None else options.time_budget
-    shown = Progress(1e6 * scenario.tuning.budget)
+    shown = Progress(scenario.tuning)
     names = [name.strip() for name in options.controllers.split(",")]
     with locked_folder(target), workers(options) as executor:
         told = (shown.row, shown.stage, limit, options.overwrite, executor)
