@@ -90,7 +90,8 @@ class BaseScenario(HardwareSections):
         if "law" in changed:  # another controller has other sections
             changed = set(type(self).model_fields)
         tables = laid_over(self.model_dump(include=changed, exclude_none=True), changes)
-        return validate(type(self), dict(self) | tables)  # the other sections are valid already
+        valid = {name: section for name, section in self if name not in changed}
+        return validate(type(self), valid | tables)
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
         """Pickle the tables: classes of sections that are made for a controller have no name to be found by."""
