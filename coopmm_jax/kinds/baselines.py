@@ -3,7 +3,7 @@
 All of them control the forces as below (17). Those on sigma share the kinematics (12)-(15) with the paper's law.
 
 >>> ComputedTorque().K_p[0], ComputedTorque.tuned
-(25.0, ('K_p', 'K_d', 'K_lambda', 'K_I'))
+(100.0, ('K_p', 'K_d', 'K_lambda', 'K_I'))
 """
 
 from __future__ import annotations
@@ -123,8 +123,8 @@ class ComputedTorque(NamedTuple):
     """Computed torque on the nominal model, with PD on the joints' positions and PI on the forces."""
 
     k2: Annotated[Scalar, gain("lateral error's part in the forward one [s/rad]", (0.05, 100.0))] = 5.0
-    K_p: Annotated[Vector, gain("position feedback [1/s^2]", (0.5, 2500.0), VELOCITY)] = (25.0,) * 6
-    K_d: Annotated[Vector, gain("velocity feedback [1/s]", (0.2, 100.0), VELOCITY)] = (10.0,) * 6
+    K_p: Annotated[Vector, gain("position feedback [1/s^2]", (0.5, 2500.0), VELOCITY)] = (100.0,) * 6
+    K_d: Annotated[Vector, gain("velocity feedback [1/s]", (0.2, 100.0), VELOCITY)] = (20.0,) * 6
     K_lambda: ForceFeedback = (0.3,) * 4
     K_I: ForceIntegral = (1.5,) * 4
 
@@ -147,9 +147,9 @@ class Pid(NamedTuple):
     """
 
     k2: Annotated[Scalar, gain("lateral error's part in the forward one [s/rad]", (0.05, 100.0))] = 5.0
-    K_p: Annotated[Vector, gain("proportional part [N m/rad]", (1.0, 5000.0), VELOCITY)] = (100.0,) * 6
-    K_int: Annotated[Vector, gain("integral part [N m/(rad s)]", (0.1, 5000.0), VELOCITY)] = (50.0,) * 6
-    K_d: Annotated[Vector, gain("derivative part [N m s/rad]", (0.5, 500.0), VELOCITY)] = (30.0,) * 6
+    K_p: Annotated[Vector, gain("proportional part [N m/rad]", (1.0, 5000.0), VELOCITY)] = (200.0,) * 6
+    K_int: Annotated[Vector, gain("integral part [N m/(rad s)]", (0.1, 5000.0), VELOCITY)] = (200.0,) * 6
+    K_d: Annotated[Vector, gain("derivative part [N m s/rad]", (0.5, 500.0), VELOCITY)] = (50.0,) * 6
     K_lambda: ForceFeedback = (0.3,) * 4
     K_I: ForceIntegral = (1.5,) * 4
 
