@@ -7,17 +7,14 @@ from pathlib import Path
 import jax
 import pytest
 
-from tests.workers import QUICK_TO_COMPILE
-
-os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {QUICK_TO_COMPILE}".strip()  # and of all workers
-
-import coopmm_jax  # sets XLA's options before JAX starts
+import coopmm_jax
 from coopmm_jax.parameters import Parameters, Structure
 from tests.programs import Program
+from tests.workers import compile_quickly
 
 pytest_plugins = ["tests.sweeps"]
 
-coopmm_jax.runtime.collect_rarely()
+compile_quickly()
 _user_cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 jax.config.update("jax_enable_x64", True)
