@@ -15,6 +15,7 @@ from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps.measure import SERIES
 from tests import compare_worker
+from tests.reading import Reading
 from tests.workers import run_worker
 from tuning.cost.objective import TERMS
 from tuning.reports import compare, compare_figures
@@ -94,10 +95,17 @@ def test_command_prints_and_writes(answer, files):
     assert code == 0
     assert compare.table(compared) in printed
     names = {"compare.txt", "compare.json", "compare.csv", "costs.png", "bands.png", "requirements.png"}
+    names |= {"report.html", "page.json"}
     assert {path.name for path in out.iterdir()} == names
     rows = list(csv.DictReader((out / "compare.csv").read_text().splitlines()))
     assert [(row["sample"], row["gains"]) for row in rows[:4]] == [*(("0", x) for x in compared.labels), ("1", OWN)]
     assert [float(row["cost"]) for row in rows[1::3]] == compared.comparison.costs[1].tolist()
+    page = Reading((out / "report.html").read_text())
+    assert page.pictures == 3
+    assert "stiff against scenario" in page.text
+    assert (
+        f"coopmm compare scenario {files / 'stiff.toml'} {files / 'other.toml'} --scenario scenario.toml" in page.text
+    )
     content = json.loads((out / "compare.json").read_text())
     assert content["values"]["cost, mean"]["stiff"] == pytest.approx(compared.comparison.costs[1].mean())
 

@@ -11,6 +11,7 @@ from coopmm_jax.parameters import PhaseSchedule
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.variation import vary
 from tests import falsify_worker
+from tests.reading import Reading
 from tests.workers import run_worker
 from tuning.cost import evaluate as batches
 from tuning.cost.objective import FAILED, TERMS
@@ -186,6 +187,9 @@ def test_command_prints_numbers_and_writes_the_scenario(failing, tmp_path, capsy
     text = capsys.readouterr().out
     assert "plant.m_p                    4          4.8" in text
     assert "random samples: " in text
+    page = Reading(out.with_suffix(".html").read_text())
+    assert ["plant.m_p", "4", "4.8"] in page.rows
+    assert len([row for row in page.rows if "random samples" in row[0]]) == 1
     written = load_scenario(out)
     assert written.plant.m_p == (4.8, 4.8) or written.plant.m_p == pytest.approx(4.8)
     assert written.uncertainty.entries() == ()

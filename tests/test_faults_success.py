@@ -45,7 +45,10 @@ def test_a_report_of_nothing_but_failures_is_written(scenario, tmp_path, monkeyp
     assert captured.out.startswith("all 8 samples failed: none reached 0.05 s\n")
     assert "warning" not in captured.err
     names = sorted(path.name for path in (tmp_path / "s-report").iterdir())
-    assert names == ["bands.png", "failed.csv", "report.txt", "requirements.png", "summary.json"]
+    assert names == ["bands.png", "failed.csv", "report.html", "report.txt", "requirements.png", "summary.json"]
+    page = (tmp_path / "s-report" / "report.html").read_text()
+    assert "<h2>All samples failed</h2>" in page
+    assert "Metrics of the samples" not in page
 
 
 def test_steps_are_counted_where_the_controller_is_sampled(monkeypatch, capsys):

@@ -14,6 +14,7 @@ from coopmm_jax.status import Status
 from coopmm_jax.sweeps import figures, report, statistics
 from coopmm_jax.sweeps.measure import SERIES
 from coopmm_jax.sweeps.statistics import read_results
+from tests.reading import Reading
 from tests.sweeps import REQUIRED
 
 
@@ -67,6 +68,13 @@ def test_report_text_and_files(kept, tmp_path):
     assert len((tmp_path / "failed.csv").read_text().splitlines()) == 1 + failed
     for name in ("bands", "importance", "requirements", "worst"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+    page = Reading((tmp_path / "report.html").read_text())
+    assert page.pictures == 4
+    assert f"Samples without success: {failed}, the first {failed}" in page.text
+    assert "coopmm sweep scenario.toml --samples 100 --sampling independent --keep 20 --batch 8" in page.text
+    assert kept.attrs["scenario"] in page.text
+    (row,) = (row for row in page.rows if row[0] == "all together")
+    assert row[1] == f"{100 - failed} of 100"
 
 
 def test_figures_show_the_numbers(kept):

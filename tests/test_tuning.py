@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 import tuning
+from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import load_scenario
 from tests import kill_worker
 from tests.closed_costs import MASS, QUICK, replace_rollouts, scenario
+from tests.reading import Reading
 from tests.workers import environment, run_worker
 from tuning.cost import evaluate as batches
 from tuning.cost import objective as objective_module
@@ -202,7 +204,7 @@ def test_outputs(rollouts, tmp_path):
     limits = {"requirements": {"force_min": ">= 0"}}
     settings = scenario(budget=8.0).with_overrides(limits | {"law.delta_floor": 0.1})
     result = tuning.tune(settings, out=tmp_path / "out")
-    report.write_report(tmp_path / "out", result)
+    report.write_report(tmp_path / "out", result, settings)
     text = (tmp_path / "out" / "gains.toml").read_text()
     assert load_scenario("paper", **tomllib.loads(text)).parameters().gains == result.gains
     before, after = result.comparison.costs.mean(axis=1)
@@ -217,6 +219,15 @@ def test_outputs(rollouts, tmp_path):
     assert "search ended: the budget of 8 million simulated steps is used up" in text
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"convergence.png", "gains.png", "bands.png", "report.json", "scenario.toml"} <= written
+    first = (tmp_path / "out" / "report.html").read_text()
+    page = Reading(first)
+    assert page.pictures == 3
+    assert page.text.endswith(settings.to_toml())
+    assert [row[1:3] for row in page.rows if row[0] == "cost, mean"] == [[f"{before:.5g}", f"{after:.5g}"]]
+    assert len([row for row in page.rows if row[0].startswith("K_sigma[")]) == 6
+    (tmp_path / "out" / "report.html").unlink()
+    assert main(["report", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "out" / "report.html").read_text() == first
 
 
 def test_history_grows_line_by_line_and_loses_what_the_state_does_not_know(rollouts, tmp_path):

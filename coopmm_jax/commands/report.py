@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import resolve_path, result_folder
+from coopmm_jax.files import resolve_path, result_folder, write_text
+from coopmm_jax.page import CONTENT, REPORT, html, read_page, write_page
 
 if TYPE_CHECKING:
     import xarray
@@ -21,12 +22,16 @@ def add(commands: Subparsers) -> None:
     """Declare the subcommand."""
     parser = commands.add_parser(
         "report",
-        help="report on a sweep's store",
-        usage='coopmm report STORE [--out DIR] [--requirements.METRIC "<= LIMIT" ...]',
+        help="report on a sweep's store, or make the page of a tuning or comparison again",
+        usage='coopmm report (STORE [--requirements.METRIC "<= LIMIT" ...] | DIR) [--out DIR]',
         allow_abbrev=False,
     )
-    parser.add_argument("store", metavar="STORE", help="the zarr store of a sweep, complete or not")
-    parser.add_argument("--out", metavar="DIR", help="folder for the report (default: STORE's name with -report)")
+    parser.add_argument(
+        "store", metavar="STORE|DIR", help="the zarr store of a sweep, complete or not; a folder of tune or compare"
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder for the report (default: STORE's name with -report, or DIR itself)"
+    )
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=False)
 
 
@@ -36,6 +41,9 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     Raises:
         UserError: an override of anything else, no sweep's store, or a folder that cannot be written.
     """
+    source = resolve_path(options.store, "store")
+    if (source / CONTENT).exists():
+        return _again(source, source if options.out is None else resolve_path(options.out, "--out"), changes)
     for name in changes:
         if not name.startswith("requirements."):
             raise UserError(f"--{name}", "one of --requirements.METRIC, which alone can be changed after a sweep", name)
@@ -52,6 +60,17 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     return DONE
 
 
+def _again(source: Path, folder: Path, changes: dict[str, Any]) -> int:
+    """Make the page of a tuning or of a comparison again, from what it kept."""
+    for name in changes:
+        raise UserError(f"--{name}", "left out where no sweep is reported on", "given")
+    page = read_page(source)
+    with result_folder(folder) as hidden:
+        write_text(hidden / REPORT, html(page, source))
+    print(f"written to {folder / REPORT}")
+    return DONE
+
+
 def report_folder(store: str | Path, option: str = "store") -> Path:
     """Default folder for the report of a store.
 
@@ -65,7 +84,7 @@ def report_folder(store: str | Path, option: str = "store") -> Path:
 def publish_and_print(folder: Path, data: xarray.Dataset, scenario: Scenario | None = None) -> None:
     """Write the report of a data set into a folder, print it, then draw its figures."""
     from coopmm_jax.plotting.style import publish  # imports matplotlib
-    from coopmm_jax.sweeps import report
+    from coopmm_jax.sweeps import page, report
     from coopmm_jax.sweeps.statistics import read_results
 
     results = read_results(data, scenario)
@@ -73,3 +92,4 @@ def publish_and_print(folder: Path, data: xarray.Dataset, scenario: Scenario | N
         report.write_numbers(hidden, results)
     print(report.text(results), flush=True)
     publish(folder, report.drawings(data, results))
+    write_page(folder, page.page(results))

@@ -11,14 +11,22 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from coopmm_jax.errors import one_line
 from coopmm_jax.files import write_csv, write_json, write_text
 from coopmm_jax.metrics.table import METRICS
-from coopmm_jax.status import Status
+from coopmm_jax.page import write_page
+from coopmm_jax.sweeps import page
 from coopmm_jax.sweeps.intervals import Interval
-from coopmm_jax.sweeps.statistics import Results, outcomes, read_results, sensitivities, spread, telling
+from coopmm_jax.sweeps.statistics import (
+    Results,
+    damaged,
+    failures,
+    outcomes,
+    read_results,
+    sensitivities,
+    spread,
+    telling,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -44,11 +52,6 @@ def text(results: Results) -> str:
     return "\n\n".join("\n".join(part) for part in parts if part)
 
 
-def damaged(data: xarray.Dataset) -> list[str]:
-    """Batches of a store that are not as they were written, with their samples and the file at fault."""
-    return list(data.attrs.get("damaged", {}).values())
-
-
 def write_report(folder: Path, data: xarray.Dataset, results: Results | None = None) -> None:
     """Write the report of a sweep's data set into an existing folder."""
     from coopmm_jax.plotting.style import publish  # imports matplotlib
@@ -56,6 +59,7 @@ def write_report(folder: Path, data: xarray.Dataset, results: Results | None = N
     results = read_results(data) if results is None else results
     write_numbers(folder, results)
     publish(folder, drawings(data, results))
+    write_page(folder, page.page(results))
 
 
 def write_numbers(folder: Path, results: Results) -> None:
@@ -134,7 +138,7 @@ def _signed(draw: str, interval: Interval) -> str:
 
 
 def _failed(results: Results) -> list[str]:
-    rows = _failures(results)
+    rows = failures(results)
     if not rows:
         return []
     lines = [f"failed samples: {len(rows)}"]
@@ -146,21 +150,9 @@ def _failed(results: Results) -> list[str]:
     return lines
 
 
-def _failures(results: Results) -> list[tuple[int, str, float | None, list[str]]]:
-    """Index, status, time and broken requirements of samples without success; those not completed come first."""
-    met = {str(requirement): results.met(requirement) for requirement in results.requirements}
-    rows = []
-    for i in np.flatnonzero(~np.logical_and.reduce([results.completed, *met.values()])):
-        time = float(results.status_time[i])
-        broken = [name for name, kept in met.items() if not kept[i]] if results.completed[i] else []
-        status = Status(int(results.status[i])).name
-        rows.append((int(results.index[i]), status, None if results.completed[i] else time, broken))
-    return sorted(rows, key=lambda row: row[1] == Status.OK.name)
-
-
 def _write_failed(path: Path, results: Results) -> None:
     rows = (
         [index, status, "" if time is None else time, "; ".join(broken)]
-        for index, status, time, broken in _failures(results)
+        for index, status, time, broken in failures(results)
     )
     write_csv(path, ["sample", "status", "time_s", "not_met"], rows)

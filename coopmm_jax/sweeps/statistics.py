@@ -20,6 +20,7 @@ from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.scenario.variation import vary
+from coopmm_jax.status import Status
 from coopmm_jax.sweeps import store
 from coopmm_jax.sweeps.intervals import CONFIDENCE, Interval, success
 
@@ -227,3 +228,20 @@ def _correlation(x_ranks: np.ndarray, y_ranks: np.ndarray) -> Interval:
         return Interval(r, r, r)
     half = norm.ppf(0.5 + CONFIDENCE / 2) * np.sqrt((1.0 + r**2 / 2.0) / (len(x_ranks) - 3))
     return Interval(r, float(np.tanh(np.arctanh(r) - half)), float(np.tanh(np.arctanh(r) + half)))
+
+
+def damaged(data: xarray.Dataset) -> list[str]:
+    """Batches of a store that are not as they were written, with their samples and the file at fault."""
+    return list(data.attrs.get("damaged", {}).values())
+
+
+def failures(results: Results) -> list[tuple[int, str, float | None, list[str]]]:
+    """Index, status, time [s] and broken requirements of samples without success; those not completed come first."""
+    met = {str(requirement): results.met(requirement) for requirement in results.requirements}
+    rows = []
+    for i in np.flatnonzero(~np.logical_and.reduce([results.completed, *met.values()])):
+        time = float(results.status_time[i])
+        broken = [name for name, kept in met.items() if not kept[i]] if results.completed[i] else []
+        status = Status(int(results.status[i])).name
+        rows.append((int(results.index[i]), status, None if results.completed[i] else time, broken))
+    return sorted(rows, key=lambda row: row[1] == Status.OK.name)

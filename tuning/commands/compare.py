@@ -34,7 +34,7 @@ def add(commands: Subparsers) -> None:
     parser.add_argument("--scenario", metavar="SCENARIO", required=True, help="a shipped name, or a TOML file")
     parser.add_argument("--samples", metavar="N", type=int, help="how many (default: SCENARIO's tuning.test_samples)")
     parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
-    parser.add_argument("--out", metavar="DIR", help="folder for compare.txt, .json, .csv and figures")
+    parser.add_argument("--out", metavar="DIR", help="folder for report.html, compare.txt, .json, .csv and figures")
     add_overwrite(parser)
     add_dask(parser)
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         with workers(options) as executor:
             compared = compare_gains(scenario, options.gains, options.samples, executor)
         if folder is not None:
-            write_report(folder, compared)
+            write_report(folder, compared, options.gains)
     print(table(compared), end="")
     if options.out is not None:
         print(f"\nwritten to {options.out}")

@@ -12,6 +12,7 @@ from coopmm_jax.commands.fields import OVERRIDES
 from coopmm_jax.commands.options import add_dask, add_gains_file, add_overwrite, check_out, with_gains, workers
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path, result_folder, write_text
+from coopmm_jax.page import write_page
 from coopmm_jax.scenario.scenario import load_scenario
 
 if TYPE_CHECKING:
@@ -33,7 +34,9 @@ def add(commands: Subparsers) -> None:
     add_gains_file(parser)
     parser.add_argument("--rollouts", metavar="N", type=int, default=409, help="budget (default %(default)d)")
     parser.add_argument("--starts", metavar="N", type=int, default=32, help="of climbs (default %(default)d)")
-    parser.add_argument("--out", metavar="FILE", help="scenario file to write, for coopmm simulate")
+    parser.add_argument(
+        "--out", metavar="FILE", help="scenario file to write, for coopmm simulate, with a page beside it"
+    )
     add_overwrite(parser)
     parser.add_argument(
         "--compare-random",
@@ -60,6 +63,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     scenario = load_scenario(options.scenario, **changes)
     from coopmm_jax.sweeps.engine import carried_by  # imports JAX, as do the next
     from tuning.cost.problem import build_problem, check_count
+    from tuning.reports.pages import falsify_page
     from tuning.studies.falsify import falsify, random_costs, table
 
     check_count(options.starts, "starts")
@@ -73,6 +77,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
             random = None if options.compare_random is None else random_costs(problem, count)
         if folder is not None and path is not None:
             write_text(folder / path.name, found.scenario.to_toml())
+            write_page(folder, falsify_page(found, random, scenario, path.name), path.with_suffix(".html").name)
     print(table(found, random), end="")
     if path is not None:
         print(f"written to {options.out}; look at it by coopmm simulate {options.out}")
@@ -83,5 +88,6 @@ def _new_file(options: argparse.Namespace) -> Path:
     path = resolve_path(options.out, "--out")
     if path.suffix != ".toml":
         raise UserError("--out", "a .toml file", options.out)
-    check_out(options, path, file=True)
+    for written in (path, path.with_suffix(".html")):
+        check_out(options, written, file=True)
     return path

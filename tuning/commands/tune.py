@@ -94,7 +94,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
             print(f"\ngo on by {again}", file=sys.stderr)
         raise
     with result_folder(options.out) as folder:
-        write_report(folder, result)
+        write_report(folder, result, scenario)
     print(table(result), end="")
     if result.resumable:
         print(f"go on by {again}")

@@ -7,7 +7,6 @@ prints ``table`` and writes compare.txt, compare.json, compare.csv and figures.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,11 +15,11 @@ import numpy as np
 from scipy.stats import binomtest
 
 from coopmm_jax.files import write_csv, write_json, write_text
-from coopmm_jax.plotting.style import publish
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps.intervals import success
 from tuning.cost.objective import FAILED, TERMS
 from tuning.reports import compare_figures
+from tuning.reports.pages import compare_page, write_pictures_and_page
 from tuning.studies.compare import ComparedGains
 from tuning.studies.comparison import STATISTICS, Change, ratio
 
@@ -33,15 +32,23 @@ class Switches(NamedTuple):
     p: float  # of McNemar's exact test
 
 
-def write_report(folder: Path, compared: ComparedGains) -> None:
-    """Write compare.txt, .json and .csv, costs.png, bands.png and, if anything is required, requirements.png."""
+def write_report(folder: Path, compared: ComparedGains, sources: Sequence[str | Path] = ()) -> None:
+    """Write compare.txt, .json and .csv, the figures, and report.html with page.json behind it.
+
+    Args:
+        folder: of the results.
+        compared: the comparison.
+        sources: of the sets of gains, as the user named them; their labels if left out.
+    """
     write_text(folder / "compare.txt", table(compared))
     write_json(folder / "compare.json", summary(compared))
     _write_csv(folder / "compare.csv", compared)
     drawn = [compare_figures.costs, compare_figures.bands]
     if compared.scenario.requirements.parsed():
         drawn.append(compare_figures.requirements)
-    publish(folder, {f"{draw.__name__}.png": functools.partial(draw, compared) for draw in drawn})
+    pairs = [changes(compared, i) for i in range(1, len(compared.labels))]
+    moved = {name: [_switched(one) for one in switches(met)] for name, met in compared.outcomes().items()}
+    write_pictures_and_page(folder, drawn, compared, compare_page(compared, sources, pairs, moved))
 
 
 def changes(compared: ComparedGains, other: int) -> dict[str, Change]:

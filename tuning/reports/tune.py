@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,21 +10,28 @@ import numpy as np
 
 from coopmm_jax.files import write_json, write_text
 from coopmm_jax.metrics.table import as_text
-from coopmm_jax.plotting.style import publish
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps.intervals import success
 from tuning.cost.objective import TERMS
 from tuning.reports import tune_figures
+from tuning.reports.pages import tune_page, write_pictures_and_page
 from tuning.studies.comparison import STATISTICS, Change, ratio
 from tuning.studies.margins import RISE
 
 if TYPE_CHECKING:
+    from coopmm_jax.scenario.scenario import Scenario
     from tuning.studies.chatter import Slopes
     from tuning.studies.result import TuningResult
 
 
-def write_report(folder: Path, result: TuningResult) -> None:
-    """Write report.txt, report.json, convergence.png, gains.png and bands.png."""
+def write_report(folder: Path, result: TuningResult, start: Scenario | None = None) -> None:
+    """Write report.txt, report.json, convergence.png, gains.png, bands.png and report.html with page.json behind it.
+
+    Args:
+        folder: of the results.
+        result: of the tuning.
+        start: the scenario that was tuned, for the settings in report.html.
+    """
     write_text(folder / "report.txt", table(result))
     content = {"costs": {name: change._asdict() for name, change in changes(result).items()}}
     content |= {"requirements": [_requirement(result, r) for r in result.scenario.requirements.parsed()]}
@@ -36,7 +42,7 @@ def write_report(folder: Path, result: TuningResult) -> None:
     content |= {"gains": dict(zip(result.labels, np.stack([result.before, result.after], 1).tolist(), strict=True))}
     write_json(folder / "report.json", content)
     drawn = (tune_figures.convergence, tune_figures.gains, tune_figures.bands)
-    publish(folder, {f"{draw.__name__}.png": functools.partial(draw, result) for draw in drawn})
+    write_pictures_and_page(folder, drawn, result, tune_page(result, changes(result), remarks(result), start))
 
 
 def changes(result: TuningResult) -> dict[str, Change]:
@@ -62,13 +68,15 @@ def table(result: TuningResult) -> str:
     if result.scenario.requirements.parsed():
         before, after = _all_met(result)
         lines.append(f"samples that meet every requirement: {before} before, {after} after, of {_count(result)}")
-    lines += ["", *_gains(result), ""]
-    if result.at_bounds:
-        lines.append(f"at a bound of [tuning.bounds]: {', '.join(result.at_bounds)}")
-    lines.append(_slopes(result.slopes))
-    if result.stopped:
-        lines.append(f"search ended: {result.stopped}")
+    lines += ["", *_gains(result), "", *remarks(result)[1:]]
     return "\n".join(lines) + "\n"
+
+
+def remarks(result: TuningResult) -> list[str]:
+    """Sentences on lost contact, bounds, chattering and the end of the search."""
+    bounds = [f"at a bound of [tuning.bounds]: {', '.join(result.at_bounds)}"] if result.at_bounds else []
+    end = [f"search ended: {result.stopped}"] if result.stopped else []
+    return [_losses(result), *bounds, _slopes(result.slopes), *end]
 
 
 def _gains(result: TuningResult) -> list[str]:

@@ -1,0 +1,165 @@
+"""Reports of tune, compare and falsify as pages of HTML: the numbers of their tables, and their figures."""
+
+from __future__ import annotations
+
+import functools
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from coopmm_jax.page import Page, Picture, Table, Text, keep_page, write_page
+from coopmm_jax.plotting.style import publish
+from coopmm_jax.scenario.scenario import Scenario
+from coopmm_jax.software import versions
+from coopmm_jax.sweeps.intervals import Interval, success
+from tuning.cost.objective import FAILED
+from tuning.studies.comparison import Change
+from tuning.studies.margins import RISE
+
+_CAPTIONS = {
+    "convergence": "Course of the search: cost of the best gains so far over simulated steps",
+    "gains": "Tuned gains, and how far each may go alone",
+    "costs": "Costs of all samples under each set of gains",
+    "bands": "Samples over time under each set of gains",
+    "requirements": "Success probabilities and their intervals",
+}
+
+
+def write_pictures_and_page(folder: Path, drawn: Sequence[Callable[..., Figure]], study: Any, page: Page) -> None:
+    """Draw a study's figures into a folder, and write its page with them in it.
+
+    Args:
+        folder: of the results.
+        drawn: functions of the study that draw.
+        study: what they draw.
+        page: without the figures, which go behind its first part.
+    """
+    publish(folder, {f"{draw.__name__}.png": functools.partial(draw, study) for draw in drawn})
+    pictures = [Picture(_CAPTIONS[draw.__name__], f"{draw.__name__}.png") for draw in drawn]
+    page = page._replace(parts=[*page.parts[:1], *pictures, *page.parts[1:]])
+    keep_page(folder, page)
+    write_page(folder, page)
+
+
+def change_table(changes: Mapping[str, Change], names: tuple[str, str]) -> Table:
+    """Costs and terms under two sets of gains, with the interval of their ratio."""
+    rows = [(name, f"{c.before:.5g}", f"{c.after:.5g}", *_ratio(c)) for name, c in changes.items()]
+    return Table("Costs", ("", *names, "ratio", "95 % interval"), rows)
+
+
+def rate_table(met: Mapping[str, np.ndarray], labels: Sequence[str]) -> Table:
+    """Success probabilities under each set of gains.
+
+    Args:
+        met: samples (S, N) that meet each requirement, as booleans.
+        labels: of the S sets.
+    """
+    rows = [(name, *(_rate(success(int(row.sum()), len(row))) for row in rows)) for name, rows in met.items()]
+    return Table("Success probabilities (95 % interval)", ("requirement", *labels), rows)
+
+
+def tune_page(result: Any, changes: Mapping[str, Change], notes: Sequence[str], start: Scenario | None) -> Page:
+    """Page of a tuning.
+
+    Args:
+        result: of it.
+        changes: costs before and after.
+        notes: lines of its report.
+        start: the scenario that was tuned; that with tuned gains if left out.
+    """
+    scenario, comparison = start or result.scenario, result.comparison
+    count = comparison.costs.shape[1]
+    about = [scenario.description, f"{count} samples by which no gains were chosen, over the whole duration."]
+    met = {str(r): comparison.met(r) for r in scenario.requirements.parsed()}
+    if met:
+        met["all together"] = np.logical_and.reduce([comparison.completed, *met.values()])
+    costs, rates = change_table(changes, ("before", "after")), rate_table(met, ("before", "after"))
+    parts = [costs, rates, *_gains(result), Text("Remarks", notes)]
+    commands = ["coopmm tune scenario.toml --out tuned", "coopmm simulate scenario.toml --gains-file tuned"]
+    return Page("Tuning", about, parts, scenario.to_toml(), versions(), commands)
+
+
+def compare_page(
+    compared: Any,
+    sources: Sequence[Any],
+    changes: Sequence[Mapping[str, Change]],
+    switched: Mapping[str, Sequence[str]],
+) -> Page:
+    """Page of a comparison.
+
+    Args:
+        compared: the comparison.
+        sources: of the sets of gains, as the user named them.
+        changes: costs under the first set and under each of the others.
+        switched: changed outcomes of each requirement, a text for each of the others.
+    """
+    labels, settings = compared.labels, compared.scenario.simulation
+    about = [compared.scenario.description]
+    about.append(
+        f"{compared.samples} samples of {settings.duration:g} s, seed {settings.seed}, the same for every set."
+    )
+    if not compared.comparison.completed.all():
+        about.append(f"A rollout that fails costs {FAILED:g} or more; terms are those of the samples that complete.")
+    parts: list[Table] = []
+    for label, found in zip(labels[1:], changes, strict=True):
+        parts.append(change_table(found, (labels[0], label))._replace(title=f"{label} against {labels[0]}"))
+    parts.append(rate_table(compared.outcomes(), labels))
+    header = (f"outcomes against {labels[0]}", *labels[1:])
+    parts.append(Table("Outcomes that other gains change", header, [(name, *row) for name, row in switched.items()]))
+    words = ["coopmm", "compare", *map(str, sources or labels), "--scenario", "scenario.toml"]
+    words += ["--samples", str(compared.samples), "--out", "compared"]
+    return Page("Comparison of gains", about, parts, compared.scenario.to_toml(), versions(), [shlex.join(words)])
+
+
+def falsify_page(found: Any, random: np.ndarray | None, scenario: Scenario, file: str) -> Page:
+    """Page of a search for the worst sample.
+
+    Args:
+        found: the sample.
+        random: costs (N,) of random samples, if there are any to compare with.
+        scenario: that was searched.
+        file: name of the scenario file of the sample.
+    """
+    cost = "the rollout fails" if found.failed else f"{found.cost:.6g}"
+    rows = [("sample found", cost), ("scenario itself", f"{found.nominal_cost:.6g}")]
+    if random is not None:
+        failures = int(np.sum(random >= FAILED))
+        worst = f"{failures} fail" if failures else f"{float(np.max(random)):.6g}"
+        rows.append((f"worst of {len(random)} random samples", worst))
+    numbers = [(name, f"{found.nominal[name]:.6g}", f"{value:.6g}") for name, value in found.numbers.items()]
+    parts = [
+        Table("Costs", ("", "cost"), rows),
+        Table("Numbers that vary", ("number", "scenario", "found"), numbers),
+    ]
+    about = [scenario.description, f"{found.rollouts} rollouts, {found.steps} steps. The sample is in {file}."]
+    commands = [f"coopmm falsify scenario.toml --rollouts {found.rollouts} --out worst.toml", f"coopmm simulate {file}"]
+    return Page("The sample that hurts most", about, parts, scenario.to_toml(), versions(), commands)
+
+
+def _gains(result: Any) -> Iterator[Table]:
+    means = result.before.reshape(-1, len(result.margins)).mean(axis=0)
+    ends = {"free": " or beyond", "fails": " (a robot fails)", "cost": ""}
+    rows = [
+        (m.name, f"{before:.5g}", f"{m.value:.5g}", f"{m.low:.4g}{ends[m.below]}", f"{m.high:.4g}{ends[m.above]}")
+        for before, m in zip(means, result.margins, strict=True)
+    ]
+    title = f"Gains, and how far each may go alone until the cost rises by {RISE:.0%}"
+    yield Table(title, ("gain", "before", "after", "down to", "up to"), rows)
+    if result.schedule is not None:
+        values = zip(result.labels, result.before, result.after, strict=True)
+        knots = [(label, f"{before:.5g}", f"{after:.5g}") for label, before, after in values]
+        yield Table("Gains at each knot; above: means over the knots", ("gain", "before", "after"), knots)
+
+
+def _ratio(change: Change) -> tuple[str, str]:
+    if not change.before > 0.0:
+        return "-", ""
+    return f"{change.after / change.before:.4f}", f"{change.low:.4f} to {change.high:.4f}"
+
+
+def _rate(rate: Interval) -> str:
+    return f"{rate.estimate:.3f} ({rate.low:.3f} to {rate.high:.3f})"
