@@ -15,6 +15,7 @@ from coopmm_jax.scenario.commented import commented
 from coopmm_jax.scenario.places import names
 from coopmm_jax.scenario.scenario import Scenario, load_scenario, shipped
 from coopmm_jax.scenario.sections.uncertainty import shapes
+from tests.test_cli import IN_BRACKETS
 
 QUICK = (["scenarios"], ["scenarios", "sensed"], ["metrics"], ["help"], ["help", "loop", "--scenario", "sensed"])
 
@@ -119,7 +120,7 @@ def test_help_of_all_sections_names_every_field(name, capsys):
     text = printed(capsys, "help", name, "--scenario", "rough")
     assert text.startswith(catalogue.sections()[name])
     wanted = [place for place in names(Scenario()) if place.startswith(f"{name}.")]
-    inside = [place for place in wanted if not place.startswith(("tuning.bounds.", "tuning.weights."))]
+    inside = [place for place in wanted if not place.startswith(IN_BRACKETS)]
     assert [place for place in inside if f"{fields.option(place)} " not in text and f"{place}.kind" not in text] == []
 
 
