@@ -26,8 +26,9 @@ class FilterState(NamedTuple):
 
 
 class Filtered(NamedTuple):
-    """Filtered error at one instant, and what follows from it."""
+    """Filtered error at one instant, what it is taken against, and what follows from it."""
 
+    targets: Pair[Desired]
     sigma: Vector  # (n,)
     acceleration: Vector  # nudot - K_sigma sigma (n,)
     platform_error: Vector  # utilde_b (4,)
@@ -59,6 +60,7 @@ def filtered(gains: Any, seen: Seen, integral: Vector, eta: Pair[Scalar]) -> Fil
     damping = tuple(gain * s for gain, s in zip(gains.K_sigma, errors.sigma, strict=True))
     first, second = split(part, errors.utilde)
     return Filtered(
+        targets=targets,
         sigma=errors.sigma,
         acceleration=minus(errors.nu_rate, damping),
         platform_error=first[:PLATFORM] + second[:PLATFORM],

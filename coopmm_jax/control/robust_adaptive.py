@@ -11,7 +11,6 @@ from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control import adaptive, backstepping, motion
 from coopmm_jax.control.controller import Command, Freedom, Seen
 from coopmm_jax.control.filtered_error import Filtered, filtered, force_feedback
-from coopmm_jax.control.reference import desired_motion
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.parameters import Gains
 
@@ -61,10 +60,9 @@ def robust_term(gains: Any, seen: Seen, now: Filtered, c: Vector) -> tuple[Vecto
         now: filtered error.
         c: bounds of the uncertainty (5,), estimated or given.
     """
-    structure, model, t, k, independent = seen
+    structure, _, t, k, independent = seen
     f = motion.regressors(k, now.acceleration, independent)
-    targets = desired_motion(model.reference, t)
-    one, two = per_robot(lambda d, p: backstepping.coupling_signal(gains, d, p), targets, k.bodies.position)
+    one, two = per_robot(lambda d, p: backstepping.coupling_signal(gains, d, p), now.targets, k.bodies.position)
     U2 = adaptive.robust_force(structure, gains, f, now.sigma, c, now.platform_error, one + two, t)
     return U2, f
 
