@@ -22,7 +22,7 @@ from typing import NoReturn
 
 import coopmm_jax
 from coopmm_jax import plugins, runtime, terminal
-from coopmm_jax.commands import BAD_INPUT, animate, help, init, metrics, report, scenarios, simulate, sweep
+from coopmm_jax.commands import BAD_INPUT, animate, help, init, metrics, report, scenarios, simulate, sweep, watch
 from coopmm_jax.commands.completion import SHELLS, PrintCompletion
 from coopmm_jax.commands.fields import takes_names
 from coopmm_jax.errors import UserError
@@ -156,7 +156,7 @@ def _modules() -> Iterator[ModuleType]:
     Raises:
         UserError: a module that cannot be imported.
     """
-    yield from (simulate, animate, sweep, report, init, scenarios, metrics, help)
+    yield from (simulate, animate, sweep, report, watch, init, scenarios, metrics, help)
     for point in sorted(entry_points(group=ENTRY_POINTS)):
         try:
             yield point.load()

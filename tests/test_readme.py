@@ -40,6 +40,7 @@ SMALL = {
     "coopmm metrics": [],
     "coopmm sweep sensed --samples 1000 --out results/sensed.zarr": [*SHORT, "--samples", "16"],
     "coopmm tune sensed --out results/tuned": SHORT_TUNING,
+    "coopmm watch results/tuned": [],
     "coopmm simulate sensed --gains-file results/tuned": SHORT,
     "coopmm compare scenario results/tuned --scenario sensed --out results/compared": COMPARED,
     "coopmm tune sensed --pareto 5 --out results/front": [*SHORT_TUNING, "--pareto", "2"],

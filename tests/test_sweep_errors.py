@@ -8,13 +8,14 @@ import coopmm_jax as cm
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
 from coopmm_jax.sweeps import report
+from coopmm_jax.sweeps import store as store_module
 from coopmm_jax.sweeps.processes import Share
 from coopmm_jax.sweeps.statistics import read_results
 from coopmm_jax.sweeps.store import chunk_file
 from tests.sweeps import bits
 
 
-def test_a_store_by_other_settings_is_refused(sweep, scenario, tmp_path):
+def test_a_store_by_other_settings_is_refused(sweep, scenario, tmp_path, capsys):
     store = tmp_path / "sweep.zarr"
     sweep(8, out=store)
     before = {path: path.read_bytes() for path in store.rglob("*") if path.is_file()}
@@ -38,6 +39,9 @@ def test_a_store_by_other_settings_is_refused(sweep, scenario, tmp_path):
     assert {path: path.read_bytes() for path in store.rglob("*") if path.is_file()} == before
     anew = sweep(8, scenario=other, out=store, overwrite=True)
     assert bits(anew) == bits(sweep(8, scenario=other))
+    assert store_module.computed(store) == (8, 8)
+    assert main(["watch", str(store)]) == 0
+    assert capsys.readouterr().out == f"{store}: 8 of 8 samples (100%)\n"
 
 
 def test_a_corrupt_chunk_is_named_and_can_be_computed_again(sweep, thousand, tmp_path, capsys):

@@ -135,6 +135,20 @@ def create(path: Path, contents: Contents, samples: int) -> SweepStore:
     return open_store(path, contents)
 
 
+def computed(path: Path) -> tuple[int, int]:
+    """Samples that have been computed, and that are to be, of a store in which other processes may be at work.
+
+    Raises:
+        UserError: no store of a sweep.
+    """
+    try:
+        group = zarr.open_group(LocalStore(path), mode="r")
+        total, size = _room(group), int(str(group.attrs["batch"]))
+        return min(total, size * int(np.count_nonzero(written(group)))), total
+    except Exception as error:  # whatever zarr makes of a foreign file
+        raise UserError("DIR", "the folder of a tuning, or the store of a sweep", f"{path} ({error})") from None
+
+
 def discard(path: Path) -> None:
     """Remove a store, whatever it was made with, and nothing but a store.
 

@@ -203,7 +203,9 @@ class Driver:
         row = Row(len(run.history), stage, value, float(run.values[0]), rejected, run.trials.spent, round(seconds, 3))
         run.history.append(row)
         if self.folder is not None:
-            state.write(self.folder, _packed(run), self.problem.scenario.to_toml())
+            space = self.problem.space  # for whoever watches
+            told = {"labels": np.array(space.labels()), "gains": np.asarray(space.values(run.vectors[0]))}
+            state.write(self.folder, _packed(run) | told, self.problem.scenario.to_toml())
             state.append_history(self.folder, row)
         if self.progress is not None:
             self.progress(row)
