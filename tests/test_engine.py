@@ -1,0 +1,179 @@
+"""Batches on other processes: the same bits, whatever carries them, and one line for what goes wrong."""
+
+import multiprocessing
+import pickle
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+
+import jax
+import numpy as np
+import pytest
+
+from coopmm_jax import load_scenario, software
+from coopmm_jax.cli import main
+from coopmm_jax.errors import UserError
+from coopmm_jax.sweeps import dask, engine
+from coopmm_jax.sweeps.batch import Program, in_batches, run, slots
+from coopmm_jax.sweeps.engine import carried_by
+from coopmm_jax.sweeps.run import sweep
+from tests import engine_worker
+from tests.workers import run_worker
+from tuning.cost.objective import Objective
+
+PLUGIN = """
+from typing import Annotated, NamedTuple
+import coopmm_jax as cm
+
+@cm.register("disturbance", "knock")
+class Knock(NamedTuple):
+    "A parabola."
+    top: Annotated[float, cm.quantity("time of its top [s]")] = 0.01
+
+    def value(self, t):
+        return 1.0 - (t - self.top) ** 2
+"""
+
+
+def squared(offset, x, shift):
+    return (x + offset) ** 2 + shift
+
+
+@pytest.fixture(scope="module")
+def answer(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("engine")
+    (folder / "plugin.py").write_text(PLUGIN)
+    run_worker(engine_worker, folder)
+    return pickle.loads((folder / "answer.pkl").read_bytes())
+
+
+def test_two_workers_of_which_one_is_killed_find_the_same_bits(answer):
+    assert len(answer["killed"]) == 1
+    assert answer["given"] == engine_worker.SAMPLES // engine_worker.BATCH  # what was finished is not asked for again
+    (alone, costs), (shared, shared_costs) = answer["alone"], answer["shared"]
+    np.testing.assert_array_equal(alone.metrics.values, shared.metrics.values)
+    np.testing.assert_array_equal(alone.status.values, shared.status.values)
+    np.testing.assert_array_equal(costs, shared_costs)
+    assert len(np.unique(alone.metrics.sel(metric="force_min").values)) > 100
+
+
+def test_any_executor_carries_batches():
+    program, x = Program(squared, (0.5,)), np.arange(10.0)
+
+    def compute(device, rows):
+        return run(program, device, (x[rows],), (np.float64(2.0),))
+
+    with ThreadPoolExecutor(3) as pool, carried_by(pool):
+        assert len(slots()) == 6  # one at work and one waiting for each worker
+        np.testing.assert_array_equal(in_batches(compute, 10, 4), (x + 0.5) ** 2 + 2.0)
+    assert not isinstance(slots()[0], engine.Elsewhere)
+
+
+def test_what_goes_to_a_worker_is_small_and_comes_back_equal():
+    scenario = load_scenario("sensed")
+    objective = Objective.of(scenario, scenario.structure(), 20.0)
+    content = engine._pickled((objective, jax.tree.structure(scenario.parameters())))
+    assert len(content) < 20_000
+    assert pickle.loads(content) == (objective, jax.tree.structure(scenario.parameters()))
+
+
+class Broken(Executor):
+    """Loses its worker."""
+
+    _max_workers = 1
+
+    def submit(self, function, order):
+        future = Future()
+        future.set_exception(ConnectionError("the worker\nhas gone"))
+        return future
+
+
+def test_a_failure_names_its_samples():
+    with pytest.raises(UserError) as caught:
+        sweep(load_scenario("paper", uncertainty=engine_worker.VARIED), 100, keep=0, executor=Broken())
+    assert str(caught.value) == (
+        "executor: must be one whose workers can run a batch, "
+        "was ConnectionError: the worker has gone, for samples 0 to 63"
+    )
+
+
+def test_a_worker_that_would_find_other_bits_refuses(monkeypatch):
+    order = engine.Order((), software.versions() | {"coopmm_jax": "9.9"}, "", b"")
+    refusal = engine.work(order)
+    assert refusal.must == "one whose workers have coopmm_jax 9.9, as this process has"
+    refusal = engine.work(engine.Order((), software.versions(), "--xla_other=1", b""))
+    assert refusal.must == "one whose workers have XLA_FLAGS=--xla_other=1"
+    monkeypatch.setattr(engine, "work", lambda order: refusal)
+    with ThreadPoolExecutor(1) as pool, carried_by(pool), pytest.raises(UserError) as caught:
+        in_batches(lambda device, rows: run(Program(squared, (0.5,)), device, (rows * 1.0,), (0.0,)), 3, 3)
+    assert (caught.value.field, caught.value.must) == ("executor", refusal.must)
+
+
+def test_a_pool_that_forks_is_refused():
+    pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork"))
+    with pytest.raises(UserError, match=r'get_context\("spawn"\)\), was a pool that forks'), carried_by(pool):
+        pass
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "local:0", "local:many"])
+def test_an_address_without_a_scheduler_is_one_line(monkeypatch, capsys, tmp_path, address):
+    monkeypatch.setattr(dask, "_PATIENCE", 0.5)
+    command = ["sweep", "sensed", "--dask", address, "--out", str(tmp_path / "never.zarr")]
+    assert main(command) == 2
+    error = capsys.readouterr().err
+    assert f"--dask: must be the address of a Dask scheduler, as tcp://head:8786, or local:N, was {address}" in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+class Scheduler:
+    """Stands in for a client of Dask's."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def wait_for_workers(self, count, timeout):
+        if self.answer is None:
+            raise TimeoutError
+
+    def run(self, function):
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return {"tcp://there:1": self.answer}
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (None, "a scheduler that has workers, was tcp://head:1 without"),
+        (
+            ModuleNotFoundError("No module named 'coopmm_jax'"),
+            "a scheduler whose workers have coopmm_jax, was tcp://head",
+        ),
+        ({"coopmm_jax": "9.9"}, ", as this process has, was none at tcp://there:1"),
+        (software.versions() | {"jax": "0.1"}, ", as this process has, was 0.1 at tcp://there:1"),
+        (
+            ValueError("no\nanswer"),
+            "whose workers answer, with the versions of this process, was tcp://head:1 (ValueError",
+        ),
+    ],
+)
+def test_workers_that_cannot_compute_the_same_are_told(answer, message):
+    with pytest.raises(UserError) as caught:
+        dask._check_workers(Scheduler(answer), "tcp://head:1")
+    assert message in str(caught.value)
+
+
+def test_a_job_array_runs_every_share(tmp_path, capsys):
+    command = ["sweep", "sensed", "--samples", "128", "--gains.K-lambda", "2", "--out", str(tmp_path / "s.zarr")]
+    assert main([*command, "--slurm", "4"]) == 0
+    script = (tmp_path / "s.slurm").read_text()
+    assert "#SBATCH --array=0-3\n" in script
+    assert script.endswith(f'exec coopmm {" ".join(command)} --resume --rank "$SLURM_ARRAY_TASK_ID" --size 4\n')
+    capsys.readouterr()
+    assert main([*command, "--slurm", "4"]) == 2
+    assert "--slurm: must be used where no script is yet" in capsys.readouterr().err
+    for more, message in (
+        (["--slurm", "0"], "--slurm: must be from 1 to 10000 jobs, was 0"),
+        (["--slurm", "2", "--dask", "local:2"], "--dask: must be left out where --slurm is given"),
+    ):
+        assert main([*command, *more]) == 2
+        assert message in capsys.readouterr().err
