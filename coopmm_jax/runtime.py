@@ -71,9 +71,9 @@ def use_fast_compilation(batches: bool = False) -> bool:
     options = (_WHOLE_LOOPS, _MULTI_OUTPUT, _VECTOR_WIDTH, _OPTIMISATION)
     if batches:
         options = (*options, _MANY_CHECKS, _CHECKS_PAY)
-    flags = os.environ.get("XLA_FLAGS", "")
-    if not (backend_is_up() or _disabled()) and _WHILE_LOOPS in flags:
-        os.environ["XLA_FLAGS"] = flags.replace(_WHILE_LOOPS, _WHOLE_LOOPS)  # of importing this package
+    flags = os.environ.get("XLA_FLAGS", "").split()
+    if not (backend_is_up() or _disabled()) and _WHILE_LOOPS in flags:  # of importing this package
+        os.environ["XLA_FLAGS"] = " ".join(_WHOLE_LOOPS if flag == _WHILE_LOOPS else flag for flag in flags)
     if backend_is_up() and _missing(options) and not _disabled():
         raise RuntimeError("use_fast_compilation() comes too late: call it before the first JAX computation")
     return _add_options(*options)

@@ -68,6 +68,12 @@ assert coopmm_jax.runtime.use_fast_compilation()
     ]
 
 
+def test_a_process_that_another_starts_has_the_same_options():
+    code = "import os, coopmm_jax; coopmm_jax.runtime.use_fast_compilation(); print(os.environ['XLA_FLAGS'])"
+    once = in_new_process(code)
+    assert in_new_process(code, XLA_FLAGS=once) == once
+
+
 def test_xla_accepts_the_options_for_batches():
     code = """
 import os, coopmm_jax, jax
