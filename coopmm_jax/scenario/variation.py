@@ -97,20 +97,13 @@ class Variation(Generic[Varied]):
         return self.scenario.structure({number.place for number in self.numbers})
 
     def batch(self, points: np.ndarray, indices: Sequence[int]) -> Parameters:
-        """Parameters of the samples ``indices`` (B,) at ``points`` (B, D): every leaf of shape (B,), for ``jax.vmap``.
-
-        Numbers of a reference along a path that do not vary have shape (): it is then computed once for all.
+        """Parameters of the samples ``indices`` (B,) at ``points`` (B, D), as ``batched``.
 
         Each sample has its own stream of measurement noise.
         """
-        import jax
-
         parameters = self.parameters(points)
         hardware = parameters.hardware._replace(noise_stream=np.array(indices, dtype=float))
-        many = jax.tree.map(lambda x: np.broadcast_to(x, len(indices)), parameters._replace(hardware=hardware))
-        if not isinstance(parameters.reference, PathReference):
-            return many
-        return many._replace(reference=jax.tree.map(np.asarray, parameters.reference))
+        return batched(parameters._replace(hardware=hardware), len(indices))
 
     def sample(self, index: int, values: dict[str, float]) -> Varied:
         """Scenario of one sample, complete and certain, from its index and its numbers (scalars) by name.
@@ -142,6 +135,22 @@ class Variation(Generic[Varied]):
     def _with(self, values: dict[str, Any]) -> Varied:
         """Scenario with unchecked values, arrays among them."""
         return places.replaced(self.scenario, self._tables(values))
+
+
+def batched(parameters: Parameters, count: int) -> Parameters:
+    """Parameters for ``jax.vmap`` over a batch: every leaf of shape (B,), with B = ``count``.
+
+    Numbers of a reference along a path that do not vary have shape (): it is then computed once for all.
+
+    >>> batched(Parameters(), 3).plant.gravity.shape
+    (3,)
+    """
+    import jax
+
+    many = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), count), parameters)
+    if not isinstance(parameters.reference, PathReference):
+        return many
+    return many._replace(reference=jax.tree.map(np.asarray, parameters.reference))
 
 
 def vary(scenario: Varied) -> Variation[Varied]:

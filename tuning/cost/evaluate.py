@@ -25,13 +25,46 @@ FEW = 8
 _UNOPTIMISED = (("xla_backend_optimization_level", 0),)
 
 
+class Layout(NamedTuple):
+    """Static description of samples: how numbers become parameters, and which of them all samples share."""
+
+    structure: Any  # of the parameters, a PyTreeDef
+    shared: tuple[bool, ...]  # (leaves,)
+
+    def split(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of each sample (N, leaves that are its own), and those of all (leaves that are shared)."""
+        shared = np.array(self.shared, bool)
+        return rows[:, ~shared], rows[0, shared]
+
+    def parameters(self, own: jax.Array, common: jax.Array) -> Parameters:
+        """Parameters of one sample from ``split``'s numbers."""
+        columns = iter(range(len(own))), iter(range(len(common)))
+        leaves = [(own, common)[alike][next(columns[alike])] for alike in self.shared]
+        return jax.tree.unflatten(self.structure, leaves)
+
+    def all_own(self) -> Layout:
+        """The same, with nothing shared: what is differentiated by every number."""
+        return self._replace(shared=(False,) * len(self.shared))
+
+
 class Samples:
-    """Parameters of N samples, flattened to one row each (N, leaves)."""
+    """Parameters of N samples, flattened to one row each (N, leaves).
+
+    Leaves of shape () are numbers that all samples share: of a path that does not vary, which is then computed once for
+    a batch.
+    """
 
     def __init__(self, parameters: Parameters):
         leaves, self.structure = jax.tree.flatten(parameters)
-        count = max(np.shape(leaf) for leaf in leaves)  # numbers of a path that do not vary are () for all
+        count = max(np.shape(leaf) for leaf in leaves)
         self.rows = np.stack([np.broadcast_to(np.asarray(leaf, float), count) for leaf in leaves], axis=-1)
+        self.layout = Layout(self.structure, tuple(np.shape(leaf) == () for leaf in leaves))
+
+    def parameters(self, rows: np.ndarray) -> Parameters:
+        """Parameters of the samples ``rows`` (B,), every leaf (B,), but shared ones ()."""
+        drawn = self.rows[rows]
+        leaves = [drawn[0, i] if alike else drawn[:, i] for i, alike in enumerate(self.layout.shared)]
+        return jax.tree.unflatten(self.structure, leaves)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -92,9 +125,11 @@ def compile_gradients(objective: Objective, samples: Samples) -> None:
 
 
 def _prepare(function: Callable, objective: Objective, samples: Samples, precision: str) -> None:
-    sizes = (objective.space.size, samples.rows.shape[1], len(TERMS))
-    elements = tuple(jax.ShapeDtypeStruct((_batch(function), size), np.dtype(precision)) for size in sizes)
-    prepare(_program(function, objective, samples), slots()[0], elements)
+    layout = _layout(function, samples)
+    own, common = layout.split(samples.rows)
+    sizes, dtype = (objective.space.size, own.shape[1], len(TERMS)), np.dtype(precision)
+    elements = tuple(jax.ShapeDtypeStruct((_batch(function), size), dtype) for size in sizes)
+    prepare(_program(function, objective, layout), slots()[0], elements, (jax.ShapeDtypeStruct(common.shape, dtype),))
 
 
 def sensitivities(
@@ -116,13 +151,15 @@ def _run(
     """Results of every candidate on every sample, each (C, N, ...), in double precision."""
     candidates, count = len(vectors), len(samples)
     coefficients = np.broadcast_to(coefficients, (candidates, len(TERMS)))
-    vectors, rows, coefficients = (x.astype(precision) for x in (vectors, samples.rows, coefficients))
-    program = _program(function, objective, samples)
+    layout = _layout(function, samples)
+    numbers = (vectors, *layout.split(samples.rows), coefficients)
+    vectors, own, common, coefficients = (x.astype(precision) for x in numbers)
+    program = _program(function, objective, layout)
 
     def compute(device: Device, pairs: np.ndarray) -> Any:
         candidate, sample = np.divmod(pairs, count)
         with naming(f"candidates {candidate[0]} to {candidate[-1]} on samples {sample.min()} to {sample.max()}"):
-            return run(program, device, (vectors[candidate], rows[sample], coefficients[candidate]))
+            return run(program, device, (vectors[candidate], own[sample], coefficients[candidate]), (common,))
 
     arrays = in_batches(compute, candidates * count, _batch(function))
     arrays = (array.astype(float) if array.dtype == np.float32 else array for array in arrays)
@@ -133,30 +170,30 @@ def _batch(function: Callable) -> int:
     return FEW if function is _gradient else BATCH
 
 
-def _program(function: Callable, objective: Objective, samples: Samples) -> Program:
-    return Program(function, (objective, samples.structure), _UNOPTIMISED if function is _sensitivity else ())
+def _layout(function: Callable, samples: Samples) -> Layout:
+    return samples.layout.all_own() if function is _sensitivity else samples.layout
 
 
-def _terms(objective: Objective, structure: Any, vector: jax.Array, row: jax.Array, _: jax.Array) -> tuple:
-    terms, completed, survived = objective.evaluate(vector, _parameters(structure, row))
+def _program(function: Callable, objective: Objective, layout: Layout) -> Program:
+    return Program(function, (objective, layout), _UNOPTIMISED if function is _sensitivity else ())
+
+
+def _terms(
+    objective: Objective, layout: Layout, vector: jax.Array, own: jax.Array, _: jax.Array, common: jax.Array
+) -> tuple:
+    terms, completed, survived = objective.evaluate(vector, layout.parameters(own, common))
     return jnp.stack(terms), completed, survived
 
 
-def _gradient(
-    objective: Objective, structure: Any, vector: jax.Array, row: jax.Array, coefficients: jax.Array
-) -> tuple:
-    return jax.value_and_grad(_cost, 2)(objective, structure, vector, row, coefficients)
+def _gradient(*arguments: Any) -> tuple:
+    return jax.value_and_grad(_cost, 2)(*arguments)
 
 
-def _sensitivity(
-    objective: Objective, structure: Any, vector: jax.Array, row: jax.Array, coefficients: jax.Array
-) -> tuple:
-    return jax.value_and_grad(_cost, 3)(objective, structure, vector, row, coefficients)
+def _sensitivity(*arguments: Any) -> tuple:
+    return jax.value_and_grad(_cost, 3)(*arguments)
 
 
-def _cost(objective: Objective, structure: Any, vector: jax.Array, row: jax.Array, coefficients: jax.Array) -> Scalar:
-    return objective.cost(vector, _parameters(structure, row), coefficients, True)
-
-
-def _parameters(structure: Any, row: jax.Array) -> Parameters:
-    return jax.tree.unflatten(structure, [row[i] for i in range(structure.num_leaves)])
+def _cost(
+    objective: Objective, layout: Layout, vector: jax.Array, own: jax.Array, coefficients: jax.Array, common: jax.Array
+) -> Scalar:
+    return objective.cost(vector, layout.parameters(own, common), coefficients, True)

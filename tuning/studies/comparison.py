@@ -12,6 +12,7 @@ import numpy as np
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import Parameters
 from coopmm_jax.scenario.sections.requirements import Requirement
+from coopmm_jax.scenario.variation import batched
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps import measure
 from coopmm_jax.sweeps.batch import Device, in_batches, slots
@@ -98,10 +99,8 @@ def _horizon(problem: Problem) -> Horizon:
 
 
 def _with_gains(problem: Problem, vector: np.ndarray, samples: Samples, rows: np.ndarray) -> Parameters:
-    """Parameters of some samples under the gains of a vector, every leaf (B,)."""
-    drawn = jax.tree.unflatten(samples.structure, list(samples.rows[rows].T))
-    parameters = problem.space.applied(drawn, vector)
-    return jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), len(rows)), parameters)
+    """Parameters of some samples (B,) under the gains of a vector, for a batch."""
+    return batched(problem.space.applied(samples.parameters(rows), vector), len(rows))
 
 
 def _measured(problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon) -> measure.Measured:

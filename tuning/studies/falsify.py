@@ -19,7 +19,7 @@ from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
-from coopmm_jax.scenario.variation import HIGHEST, LOWEST, Variation
+from coopmm_jax.scenario.variation import HIGHEST, LOWEST, Variation, batched
 from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost import evaluate
 from tuning.cost.evaluate import Samples
@@ -143,7 +143,7 @@ def _falsified(scenario: Scenario, rollouts: int, starts: int, problem: Problem)
     found = _climbed(problem, problem.space.start, rollouts, starts)
     worst = found.peaks[0]
     numbers = {name: float(value) for name, value in variation.values(worst.point).items()}
-    nominal = Samples(jax.tree.map(lambda x: np.full(1, x, float), scenario.parameters()))
+    nominal = Samples(batched(scenario.parameters(), 1))
     origin = f"Worst sample found of: {scenario.description} (cost {worst.value:.6g} over {_horizon(cost):g} s)"
     return Falsification(
         scenario=variation.sample(scenario.simulation.stream, numbers).with_overrides({"description": origin}),
