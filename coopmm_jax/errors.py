@@ -21,6 +21,14 @@ _containers.maxstring = _containers.maxother = 60
 class Notice(UserWarning):
     """Warning about input that is used all the same; the command line prints it as one line."""
 
+    label = "warning"
+
+
+class Remark(Notice):
+    """Notice of what has been made of input, in which nothing is wrong."""
+
+    label = "note"
+
 
 class UserError(ValueError):
     """Input that cannot be used: which field, what it must be, what it was. Always prints as one line.

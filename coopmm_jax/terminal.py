@@ -65,7 +65,10 @@ def notices(only: bool) -> Iterator[None]:
     """
 
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
-        say(f"warning: {message}") if issubclass(category, Notice) else usual(message, category, *where, **more)
+        if issubclass(category, Notice):
+            say(f"{category.label}: {message}")
+        else:
+            usual(message, category, *where, **more)
 
     with warnings.catch_warnings():
         usual = warnings.showwarning

@@ -1,5 +1,6 @@
 """The section [reference] along paths: scenarios, what is refused, fits of waypoints, CSV files and tables."""
 
+import re
 import warnings
 from types import SimpleNamespace
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax.errors import Notice
+from coopmm_jax.errors import Notice, Remark
 from coopmm_jax.kinds.courses import Steps, Table
 from coopmm_jax.kinds.paths import Chebyshev, Eight, Ellipse, Fourier, bent_frame
 from coopmm_jax.kinds.waypoints import Csv, Waypoints
@@ -185,6 +186,31 @@ def test_open_waypoints_from_a_file(tmp_path):
     assert fitted.span() == (-1.0, 1.0)
     np.testing.assert_allclose(fitted.point(-1.0), (0.0, 0.0), atol=0.01)
     np.testing.assert_allclose(fitted.point(1.0), (8.0, 0.5 * np.sin(8.0)), atol=0.01)
+
+
+def test_how_well_a_path_fits_its_points_is_told():
+    with pytest.warns(Remark, match=r"^reference\.path: its curve is up to [\d.]+ mm away from the spline"):
+        check_reference(cm.load_scenario("waypoints"))
+
+
+def test_a_file_that_has_changed_since_is_noticed(tmp_path):
+    """What is loaded says what the file had; stores and tuning runs keep that, and so refuse another content."""
+    file, other = (tmp_path / f"{name}.csv" for name in "ab")
+    for name, size in ((file, 1.0), (other, 2.0)):
+        name.write_text("".join(f"{size * np.cos(a)},{size * np.sin(a)}\n" for a in ANGLE), encoding="utf-8")
+    loaded = scenario(reference={"path": {"kind": "csv", "file": str(file)}})
+    content = loaded.reference.path.content
+    assert re.fullmatch(re.escape(str(file)) + " [0-9a-f]{16}", content)
+    assert content in loaded.to_toml()
+    elsewhere = loaded.with_overrides({"reference.path.file": str(other)})
+    assert elsewhere.reference.path.content.startswith(str(other))
+    assert float(elsewhere.parameters().reference.path.point(0.0)[0]) == pytest.approx(2.0, abs=1e-3)
+    file.write_bytes(other.read_bytes())
+    with pytest.raises(cm.UserError, match=r"content: must be left out, or that of the file as it is now"):
+        loaded.with_overrides({"reference.offset": [0.7, -0.6]})
+    fresh = loaded.with_overrides({"reference.path.content": ""})
+    assert float(fresh.parameters().reference.path.point(0.0)[0]) == pytest.approx(2.0, abs=1e-3)
+    assert fresh.to_toml() != loaded.to_toml()
 
 
 def test_courses_in_closed_form():

@@ -34,6 +34,7 @@ Registered = TypeVar("Registered")
 MISSING: Any = inspect.Parameter.empty  # default of a field that has to be given
 BUILD = "build"  # class method whose arguments take the place of the kind's own numbers as fields of a section
 CHECK = "check"  # method that refuses numbers which do not fit together
+PINNED = "pinned"  # class method: fields of a section -> those that say what was read when it was loaded
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 

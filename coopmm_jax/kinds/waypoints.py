@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+import hashlib
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from coopmm_jax.kinds.registry import quantity, register
 
 _FEWEST = 4  # points
 _LEAST = 1e-9  # [m] from one point to the next
+_DIGITS = 16  # of a SHA-256, enough to tell files apart
+_MUST = "a CSV file with two columns of numbers"
 
 Closed = Annotated[bool, quantity("whether it goes on from its last point to its first")]
 Order = Annotated[int, quantity("harmonics of a closed path, degree of an open one [-]", at_least=1, at_most=40)]
@@ -76,6 +79,7 @@ class Csv(NamedTuple):
         closed: Closed = True,
         order: Order = 9,
         tolerance: Tolerance = 0.01,
+        content: Annotated[str, quantity("file and checksum of what was read, in a scenario that was loaded")] = "",
     ) -> Csv:
         """Path through the points of a file.
 
@@ -84,11 +88,31 @@ class Csv(NamedTuple):
             closed: whether it goes on from its last point to its first.
             order: harmonics of a closed path, degree of an open one.
             tolerance: largest deviation [m].
+            content: of the file, see ``pinned``.
 
         Raises:
             UserError: a file that cannot be read, points that make no path, or a fit that deviates too far.
         """
+        del content
         return cls(*_fitted(_read(file), closed, order, tolerance, "file"))
+
+    @classmethod
+    def pinned(cls, file: str, content: str, **others: Any) -> dict[str, str]:
+        """Field ``content`` of a file as it is now, so that stores and runs that are gone on with notice another one.
+
+        Args:
+            file: its name.
+            content: what it had when the scenario was loaded before; empty, or of another file: nothing is known.
+            others: fields.
+
+        Raises:
+            UserError: the file cannot be read, or has changed.
+        """
+        del others
+        now = f"{file} {hashlib.sha256(_bytes(file)).hexdigest()[:_DIGITS]}"
+        if content.startswith(f"{file} ") and content != now:
+            raise UserError("content", f"left out, or that of the file as it is now ({now})", content)
+        return {"content": now}
 
     def point(self, phase: Scalar) -> tuple[Scalar, Scalar]:
         """World position (x, y) at a scalar phase [m]."""
@@ -100,11 +124,10 @@ class Csv(NamedTuple):
 
 
 def _read(file: str) -> np.ndarray:
-    must = "a CSV file with two columns of numbers"
     try:
-        lines = resolve_path(file, "file").read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError("file", must, f"{file} ({error})") from None
+        lines = _bytes(file).decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise UserError("file", _MUST, f"{file} ({error})") from None
     rows = [line.replace(";", ",").split(",")[:2] for line in lines if line.strip()]
     try:
         float(rows[0][0])
@@ -113,7 +136,14 @@ def _read(file: str) -> np.ndarray:
     try:
         return np.array([[float(x), float(y)] for x, y in rows]).reshape(-1, 2)
     except ValueError as error:
-        raise UserError("file", must, f"{file} ({error})") from None
+        raise UserError("file", _MUST, f"{file} ({error})") from None
+
+
+def _bytes(file: str) -> bytes:
+    try:
+        return resolve_path(file, "file").read_bytes()
+    except OSError as error:
+        raise UserError("file", _MUST, f"{file} ({error.strerror})") from None
 
 
 def _fitted(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from coopmm_jax.errors import Notice, UserError
+from coopmm_jax.errors import Notice, Remark, UserError
 from coopmm_jax.kinds.controllers import lateral
 from coopmm_jax.parameters import Parameters, PathReference, PhaseSchedule
 from coopmm_jax.status import SPEED_LIMIT
@@ -52,7 +52,7 @@ def check_reference(scenario: Scenario) -> None:
             phase that does not.
 
     Warns:
-        Notice: of too little turning.
+        Notice: of too little turning, and how well a path fits the points that it was made from.
     """
     parameters = scenario.parameters()
     if isinstance(parameters.schedule, PhaseSchedule):
@@ -67,6 +67,10 @@ def check_reference(scenario: Scenario) -> None:
     fastest = max(np.abs(course.turn).max(), course.speed.max())
     if not fastest < SPEED_LIMIT:
         raise UserError("reference.timing", f"slow enough for {SPEED_LIMIT:g} rad/s and m/s", f"up to {fastest:.3g}")
+    deviation = getattr(parameters.reference.path, "deviation", None)
+    if deviation is not None:
+        text = f"reference.path: its curve is up to {1e3 * deviation:.2g} mm away from the spline through its points"
+        warnings.warn(Remark(text), stacklevel=3)
     if not getattr(parameters.gains, "lateral", ""):  # a controller that removes lateral errors in another way
         return
     duration = scenario.simulation.duration

@@ -90,7 +90,7 @@ class Chosen(NamedTuple):
         if "kind" not in value and self.default is None:
             raise UserError("kind", f"one of {', '.join(registry.known(self.group))}", "missing")
         kind = registry.find(self.group, value.get("kind", self.default))
-        made = validate(_section(kind.made, self.base), value)
+        made = _pinned(validate(_section(kind.made, self.base), value))
         check(made)
         return made
 
@@ -113,6 +113,15 @@ def check(described: KindSection) -> None:
         calling(f"{kind.label}: {registry.CHECK}", numbers.check)
     if kind.plugin is not None:
         probe(numbers)
+
+
+def _pinned(described: KindSection) -> KindSection:
+    """The section with what it was loaded from, such as the content of a file, among its fields."""
+    kind = described.about()
+    if not hasattr(kind.made, registry.PINNED):
+        return described
+    values = {name: getattr(described, name) for name in kind.fields}
+    return described.model_copy(update=calling(f"{kind.label}: {registry.PINNED}", kind.made.pinned, **values))
 
 
 def calling(place: str, function: Callable[..., Any], **arguments: Any) -> Any:
