@@ -15,9 +15,11 @@ from __future__ import annotations
 import argparse
 import random
 import sys
+import tempfile
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, NamedTuple, get_args, get_origin
 
 import jax
@@ -39,6 +41,9 @@ LONGEST = 500  # characters of a message
 _EXTREME = (0.0, -0.0, 1e-300, -1e-300, 1e-9, 1e9, -1e9, 1e150, -1e150, 1e300, 1.7e308)
 _ODD: tuple[Any, ...] = ("", "x", "none", [], {}, [[]], [1.0], True, float("nan"), float("inf"), 10**400, {"kind": "x"})
 _PLAUSIBLE = 0.85  # of the numbers
+_USUAL = 0.97  # of the whole numbers, choices and texts
+_AROUND = 12  # points of a path
+_MIDDLES = {"force": 15.0, "height": 1.0, "contact": 0.0}  # of a number over time, by its field [N, m]
 _STEP = 1e-3  # [s]
 # What a part of a reference needs beside it.
 ALONG_A_PATH: dict[str, dict[str, Any]] = {
@@ -65,10 +70,24 @@ def places(section: Any = Scenario, path: tuple[str, ...] = ()) -> Iterator[Plac
 
 
 class Fuzzer:
-    """Makes tables of kinds."""
+    """Makes tables of kinds; files that they name are written into a folder."""
 
-    def __init__(self, seed: int):
-        self.random = random.Random(seed)
+    def __init__(self, seed: int, folder: Path):
+        self.random, self.folder = random.Random(seed), folder
+        self.together: dict[tuple[str, str], Callable[[float], dict[str, Any]]] = {
+            ("course", "sine"): lambda middle: {"mean": middle, "amplitude": 0.1},
+            ("course", "steps"): lambda middle: {"times": self._rising(), "levels": self._near(middle, ENTRIES + 1)},
+            ("course", "table"): lambda middle: self._entries(middle) | {"tolerance": 1.0},
+            ("disturbance", "table"): self._entries,
+            ("path", "fourier"): lambda _: {
+                "xc": [2.5, *self._near(0.0, ENTRIES - 1)],
+                "xs": self._near(0.0, ENTRIES),
+                "yc": self._near(0.0, ENTRIES),
+                "ys": [2.5, *self._near(0.0, ENTRIES - 1)],
+            },
+            ("path", "waypoints"): lambda _: self._points(),
+            ("path", "csv"): lambda _: self._file(),
+        }
 
     def table(self, place: Place, kind: str) -> dict[str, Any]:
         """A table that chooses a kind, with numbers for most of its fields and of those that all have in common."""
@@ -80,6 +99,9 @@ class Fuzzer:
         for name, info in place.choice.base.model_fields.items():
             if info.annotation is float:  # all of them, so that few programs are enough
                 table[name] = self.number(Field(float, registry.quantity(""), info.default))
+        fitting = self.together.get((place.choice.group, kind))
+        if fitting and self.random.random() < _PLAUSIBLE:
+            table |= fitting(_MIDDLES.get(place.path[-1], 1.0))
         if self.random.random() < 0.1:
             table[self.random.choice(list(table))] = self.random.choice(_ODD)
         return table
@@ -96,8 +118,40 @@ class Fuzzer:
             return sorted(numbers) if self.random.random() < 0.7 else numbers
         if get_origin(plain) is tuple and any(get_origin(entry) is tuple for entry in get_args(plain)):
             return [[self.number(field), self.number(field)] for _ in range(self.random.choice((3, 8, 12)))]
+        if plain in (bool, int, str) and field.default is not MISSING and self.random.random() < _USUAL:
+            return field.default  # most programs depend on them
+        if plain is int:
+            return self.random.randint(0, 41)
+        if plain is bool:
+            return self.random.random() < 0.5
         choices = get_args(plain)
         return self.random.choice(choices) if choices and self.random.random() < 0.9 else self.random.choice(_ODD)
+
+    def _entries(self, middle: float) -> dict[str, Any]:
+        """Fields of kind table that fit together, with values about ``middle`` [N, m]."""
+        return {"times": self._rising(), "values": self._near(middle, ENTRIES)}
+
+    def _points(self) -> dict[str, Any]:
+        """Fields of kind waypoints that make a path: points round a loop."""
+        angles = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
+        radii = 2.5 + np.array([self.random.uniform(-0.3, 0.3) for _ in angles])
+        x, y = radii * np.cos(angles), radii * np.sin(angles)
+        return {"x": x.tolist(), "y": y.tolist(), "tolerance": 0.1}
+
+    def _file(self) -> dict[str, Any]:
+        """Fields of kind csv that make a path, and its file."""
+        points, file = self._points(), self.folder / f"points_{self.random.randrange(10**9)}.csv"
+        lines = (f"{x},{y}\n" for x, y in zip(points["x"], points["y"], strict=True))
+        file.write_text("".join(lines), encoding="utf-8")
+        return {"file": str(file), "content": "", "tolerance": 0.1}
+
+    def _rising(self) -> list[float]:
+        """Times [s], at 0.1 s from one another at least."""
+        return np.cumsum([self.random.uniform(0.1, 2.0) for _ in range(ENTRIES)]).tolist()
+
+    def _near(self, middle: float, count: int) -> list[float]:
+        """So many values [N, m] about ``middle``."""
+        return [middle + self.random.uniform(-0.1, 0.1) for _ in range(count)]
 
     def number(self, field: Field) -> float:
         """Number about a field's default [in its unit], or an extreme one; mostly within its bounds."""
@@ -135,6 +189,7 @@ class Outcome(NamedTuple):
 
     complaints: list[str]
     ends: Counter[str]  # how many were refused, or ended with each status
+    loaded: dict[str, tuple[int, int]]  # of each kind in its place, how many loaded, of how many cases
 
 
 def fuzz(cases: int, seed: int, groups: tuple[str, ...] = (), rollouts: bool = True) -> Outcome:
@@ -146,13 +201,21 @@ def fuzz(cases: int, seed: int, groups: tuple[str, ...] = (), rollouts: bool = T
         groups: of the kinds; all where it is empty.
         rollouts: run what loads.
     """
-    fuzzer, complaints, ends = Fuzzer(seed), [], Counter[str]()
+    with tempfile.TemporaryDirectory() as folder:
+        return _fuzz(Fuzzer(seed, Path(folder)), cases, groups, rollouts)
+
+
+def _fuzz(fuzzer: Fuzzer, cases: int, groups: tuple[str, ...], rollouts: bool) -> Outcome:
+    complaints, ends = [], Counter[str]()
+    loaded, tried = Counter[str](), Counter[str]()
     chosen = [place for place in places() if not groups or place.choice.group in groups]
     kinds = [(place, kind) for place in chosen for kind in registry.known(place.choice.group)]
     programs: dict[Any, list[tuple[Any, Any]]] = defaultdict(list)
     for number in range(cases):
         place, kind = kinds[number % len(kinds)]
         table = fuzzer.table(place, kind)
+        label = f"{'.'.join(place.path)} {kind}"
+        tried[label] += 1
         name = f"case {number}: {'.'.join(place.path)} = {str(table)[:200]}"
         try:
             with warnings.catch_warnings(action="ignore"):
@@ -166,10 +229,11 @@ def fuzz(cases: int, seed: int, groups: tuple[str, ...] = (), rollouts: bool = T
         except Exception as error:
             complaints.append(f"{name}: {type(error).__name__}: {error}")
         else:
+            loaded[label] += 1
             programs[scenario.structure(), jax.tree.structure(parameters)].append((name, parameters))
     for (structure, _), waiting in programs.items() if rollouts else ():
         complaints += _run(structure, waiting, ends)
-    return Outcome(complaints, ends)
+    return Outcome(complaints, ends, {label: (loaded[label], count) for label, count in tried.items()})
 
 
 def _run(structure: Any, waiting: list[tuple[str, Any]], ends: Counter[str]) -> Iterator[str]:
@@ -205,8 +269,10 @@ def main() -> int:
     runtime.use_compilation_cache()
     for plugin in options.plugin:
         plugins.load_plugin(plugin)
-    complaints, ends = fuzz(options.cases, options.seed, tuple(options.groups))
+    complaints, ends, loaded = fuzz(options.cases, options.seed, tuple(options.groups))
     print("\n".join(complaints))
+    for label, (count, tried) in loaded.items():
+        print(f"{label:32} {count:4} of {tried:4} load")
     print(", ".join(f"{count} {name}" for name, count in ends.most_common()))
     print(f"{len(complaints)} of {options.cases} cases are not as they should be")
     return int(bool(complaints))
