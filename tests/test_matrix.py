@@ -5,6 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from coopmm_jax.algebra.angle import angle_of
+from coopmm_jax.algebra.derivative import derivatives
 from coopmm_jax.algebra.matrix import Matrix, cholesky_solve, congruence, dot, inverse_small, minus, norm, plus, scaled
 from coopmm_jax.algebra.sincos import sincos, wrapped
 from tests.samples import assert_close, vector
@@ -171,3 +173,28 @@ def test_wrapped_angles_are_exact_within_half_a_turn_and_a_turn_less_beyond():
     assert np.array_equal(wrapped(x), x)
     np.testing.assert_allclose(wrapped(x + 6 * np.pi), x, rtol=0, atol=1e-14)
     assert jax.vmap(jax.grad(wrapped))(np.array([0.1, 3.0, 4.0, -20.0])).tolist() == [1.0] * 4
+
+
+def test_angle_of_a_vector_is_accurate_all_round():
+    turn = np.linspace(-np.pi, np.pi, 4001)[1:]
+    x, y = 3.0 * np.cos(turn), 3.0 * np.sin(turn)
+    np.testing.assert_allclose(jax.jit(angle_of)(x, y), np.arctan2(y, x), rtol=4e-16, atol=1e-300)
+    single = jax.jit(angle_of)(x.astype(np.float32), y.astype(np.float32))
+    np.testing.assert_allclose(single, np.arctan2(y.astype(np.float32), x.astype(np.float32)), rtol=3e-7)
+    assert [float(angle_of(*v)) for v in ((1.0, 0.0), (0.0, -2.0), (-1.0, 0.0))] == [0.0, -0.5 * np.pi, np.pi]
+
+
+def test_angle_of_a_vector_turns_as_the_vector_does():
+    rates = jax.jvp(angle_of, (-3.0, 4.0), (0.5, -1.0))[1]
+    assert float(rates) == pytest.approx((-3.0 * -1.0 - 4.0 * 0.5) / 25.0, rel=1e-15)
+    second = jax.grad(jax.grad(lambda t: angle_of(jnp.cos(t), 2.0 * jnp.sin(t))))(0.4)
+    by_arctan = jax.grad(jax.grad(lambda t: jnp.arctan2(2.0 * jnp.sin(t), jnp.cos(t))))(0.4)
+    assert float(second) == pytest.approx(float(by_arctan), rel=1e-13)
+
+
+def test_derivatives_of_any_order_in_closed_form():
+    assert [float(x) for x in derivatives(lambda x: jnp.exp(2.0 * x), 0.3, 4)] == pytest.approx(
+        [2.0**k * np.exp(0.6) for k in range(5)], rel=1e-14
+    )
+    by_number = jax.grad(lambda a: derivatives(lambda x: a * x**3, 2.0, 2)[2])(1.5)
+    assert float(by_number) == 12.0

@@ -24,9 +24,14 @@ if TYPE_CHECKING:
     import jax
     import jax.numpy as jnp
 
+    from coopmm_jax.algebra.angle import angle_of
     from coopmm_jax.algebra.sincos import sincos, wrapped
 else:
     jax, jnp = _Later("jax"), _Later("jax.numpy")
+
+    def angle_of(x, y):
+        """Angle of a vector (x, y) of scalars [rad], see ``algebra/angle.py``."""
+        return import_module("coopmm_jax.algebra.angle").angle_of(x, y)
 
     def sincos(x):
         """Sine and cosine of a scalar [rad], see ``algebra/sincos.py``."""
@@ -37,4 +42,4 @@ else:
         return import_module("coopmm_jax.algebra.sincos").wrapped(angle)
 
 
-__all__ = ["jax", "jnp", "sincos", "wrapped"]
+__all__ = ["angle_of", "jax", "jnp", "sincos", "wrapped"]

@@ -13,8 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import overload
 
-import jax.numpy as jnp
-
+from coopmm_jax.algebra.later import jnp
 from coopmm_jax.algebra.types import Scalar, Vector
 
 

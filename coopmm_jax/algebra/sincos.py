@@ -71,7 +71,12 @@ _SINGLE = _Series(
 )
 
 
-def _horner(coefficients: Sequence[float], x: Scalar) -> Scalar:
+def horner(coefficients: Sequence[float], x: Scalar) -> Scalar:
+    """Polynomial at a scalar x, its highest coefficient first.
+
+    >>> horner((2.0, 1.0), 3.0)
+    7.0
+    """
     total: Scalar = coefficients[0]
     for coefficient in coefficients[1:]:
         total = total * x + coefficient
@@ -93,8 +98,8 @@ def sincos(x: Scalar) -> tuple[Scalar, Scalar]:
     for part in series.pi:
         h = h - n * part
     z = h * h
-    s = h + h * z * _horner(series.sin, z)
-    c = 1.0 - 0.5 * z + z * z * _horner(series.cos, z)
+    s = h + h * z * horner(series.sin, z)
+    c = 1.0 - 0.5 * z + z * z * horner(series.cos, z)
     return 2.0 * s * c, 1.0 - 2.0 * s * s
 
 

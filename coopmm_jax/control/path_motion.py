@@ -7,15 +7,17 @@ included. Robot II reaches straight across the path; robot I to the desired cont
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
+from coopmm_jax.algebra.angle import angle_of
+from coopmm_jax.algebra.derivative import derivatives
 from coopmm_jax.algebra.matrix import dot
-from coopmm_jax.algebra.types import Scalar
-from coopmm_jax.kinds.courses import current
-from coopmm_jax.kinds.paths import bent_frame, heading, one_like
+from coopmm_jax.algebra.types import Scalar, Vector
+from coopmm_jax.kinds.courses import current, is_course, value_and_rates
+from coopmm_jax.kinds.paths import Frame, frame_of, heading
 from coopmm_jax.mechanics.surfaces import shape_of
 from coopmm_jax.parameters import PathReference
 
@@ -27,9 +29,9 @@ class OverTime(NamedTuple):
     rate: Scalar
     acceleration: Scalar
 
-    def after(self, delay: Scalar) -> Scalar:
-        """Value shortly after the instant [s], by Taylor's formula."""
-        return self.value + delay * (self.rate + 0.5 * delay * self.acceleration)
+    def at(self, t: Scalar, now: Scalar) -> Scalar:
+        """Value at t [s], which is ``now``, the instant; its first two derivatives by t are rate and acceleration."""
+        return moving(self.value, moving(self.rate, self.acceleration, t, now), t, now)
 
 
 class Aim(NamedTuple):
@@ -48,60 +50,108 @@ class Aim(NamedTuple):
 
 
 class Known(NamedTuple):
-    """A ``PathReference`` and its ``Aim`` at t [s]; stands for it in the neighbourhood of that instant."""
+    """A ``PathReference`` and its ``Aim`` at t [s]; stands for it then."""
 
     reference: PathReference
     aim: Aim
     t: Scalar
 
 
+@jax.custom_jvp
+def moving(value: Scalar, rate: Scalar, t: Scalar, now: Scalar) -> Scalar:
+    """value + rate (t - now) of scalars where t is ``now``: the value itself, whose derivative by t is the rate.
+
+    >>> jax.jvp(lambda t: moving(2.0, 3.0, t, 0.5), (0.5,), (1.0,))[1].item()
+    3.0
+    """
+    del rate, t, now
+    return value
+
+
+@moving.defjvp
+def _moving_jvp(primals: tuple, tangents: tuple) -> tuple:
+    (value, rate, t, now), (value_rate, _, t_rate, now_rate) = primals, tangents
+    return moving(value, rate, t, now), value_rate + rate * (t_rate - now_rate)
+
+
 def aim_at(reference: PathReference, t: Scalar) -> Aim:
-    """Aim at t [s]."""
-    one = one_like(t)
+    """Aim at t [s].
 
-    def inputs(t: Scalar) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar, Scalar]]:
-        phase, rate = jax.jvp(reference.timing.phase, (t,), (one,))
-        at, curvature = bent_frame(reference.path, phase)
-        speed, across = at.stretch * rate, dot(at.lateral, at.point)
-        turn = curvature * speed
-        return (turn, speed - turn * across), (heading(at), across, dot(at.forward, at.point))
-
-    def rates(t: Scalar) -> tuple:
-        now, rate, places = jax.jvp(inputs, (t,), (one,), has_aux=True)
-        return rate, (now, places)
-
-    (turn_rate, advance_rate), (turn_jerk, _), (now, places) = jax.jvp(rates, (t,), (one,), has_aux=True)
-    (turn, advance), (angle, across, ahead) = now, places
-    yaw, reach = _arm_over_time(reference, t)
+    Path, timing and surface are differentiated one by one and the rest is written out: nested derivatives of the whole
+    take twice as many operations.
+    """
+    phase, *rates = derivatives(reference.timing.phase, t, 3)
+    point, *slopes = derivatives(reference.path.point, phase, 4)
+    at, turn = frame_of(point, slopes[0]), _turn(slopes, rates)
+    across, ahead = dot(at.lateral, point), dot(at.forward, point)
+    speed, speed_rate = _speed(at, slopes[1], rates)
+    contact = _over_time(reference.contact, t)
+    yaw, reach = _arm_over_time(reference, contact)
     return Aim(
-        heading=angle,
+        heading=heading(at),
         across=across,
         ahead=ahead,
-        turn=OverTime(turn, turn_rate, turn_jerk),
-        advance=advance,
-        advance_rate=advance_rate,
+        turn=turn,
+        advance=speed - turn.value * across,
+        advance_rate=speed_rate - turn.rate * across - turn.value * turn.value * ahead,
         yaw=yaw,
         reach=reach,
-        contact=current(reference.contact, t) + 0.0 * t,
+        contact=contact.value,
         force=current(reference.contact_force, t) + 0.0 * t,
     )
 
 
-def known_at(reference: PathReference, t: Scalar) -> Known:
-    """The reference with its aim at t [s]."""
-    return Known(reference, aim_at(reference, t), t)
+def _turn(slopes: list[Vector], rates: list[Scalar]) -> OverTime:
+    """u_d1, from the first four derivatives (2,) of a path by its phase, and the first three of the phase by time.
+
+    dth/dp = (r' x r'')/|r'|^2.
+    """
+    (a, b, c, d), (p1, p2, p3) = slopes, rates
+    size, size_1, size_2 = dot(a, a), 2.0 * dot(a, b), 2.0 * (dot(b, b) + dot(a, c))
+    inverse = 1.0 / size
+    bend = inverse * _cross(a, b)
+    bend_1 = inverse * (_cross(a, c) - bend * size_1)
+    bend_2 = inverse * (_cross(b, c) + _cross(a, d) - 2.0 * bend_1 * size_1 - bend * size_2)
+    squared = p1 * p1
+    return OverTime(bend * p1, bend_1 * squared + bend * p2, p1 * (bend_2 * squared + 3.0 * bend_1 * p2) + bend * p3)
 
 
-def _arm_over_time(reference: PathReference, t: Scalar) -> tuple[OverTime, OverTime]:
-    """Yaw and reach of arm I to the contact point (e, n) of the object, whose origin is ``offset`` aside."""
+def _speed(at: Frame, bend: Vector, rates: list[Scalar]) -> tuple[Scalar, Scalar]:
+    """Speed along a path [m/s] and its rate [m/s^2], positive where the phase rises.
 
-    def polar(t: Scalar) -> tuple[Scalar, Scalar]:
-        across = current(reference.contact, t) + 0.0 * t
-        along = shape_of(reference.surface).along(across) + reference.offset[0]
-        return jnp.arctan2(along, -across), jnp.sqrt(along * along + across * across)
+    Args:
+        at: frame of the path.
+        bend: its second derivative (2,) by the phase [m].
+        rates: derivatives of the phase by time, two at least.
+    """
+    p1, p2 = rates[:2]
+    return at.stretch * p1, dot(at.forward, bend) * p1 * p1 + at.stretch * p2
 
-    one = one_like(t)
-    now, rate = jax.jvp(polar, (t,), (one,))
-    _, acceleration = jax.jvp(lambda t: jax.jvp(polar, (t,), (one,))[1], (t,), (one,))
-    yaw, reach = map(OverTime, now, rate, acceleration)
-    return yaw, reach
+
+def _over_time(course: Any, t: Scalar) -> OverTime:
+    """A course or a plain number at t [s]."""
+    if is_course(course):
+        return OverTime(*value_and_rates(course, t))
+    return OverTime(course + 0.0 * t, 0.0 * t, 0.0 * t)
+
+
+def _arm_over_time(reference: PathReference, across: OverTime) -> tuple[OverTime, OverTime]:
+    """Yaw and reach of arm I to the contact point (e, n) of the object, whose origin is ``offset`` aside.
+
+    They are the polar coordinates of (x, y) = (-n, e + offset).
+    """
+    n, n1, n2 = across
+    e, slope, bend = derivatives(shape_of(reference.surface).along, n, 2)
+    x, x1, x2 = -n, -n1, -n2
+    y, y1, y2 = e + reference.offset[0], slope * n1, bend * n1 * n1 + slope * n2
+    squared, outward = x * x + y * y, x * x1 + y * y1
+    reach, inverse = jnp.sqrt(squared), 1.0 / squared
+    turn = inverse * (x * y1 - y * x1)
+    stretch = outward / reach
+    yaw = OverTime(angle_of(x, y), turn, inverse * (x * y2 - y * x2 - 2.0 * outward * turn))
+    away = x1 * x1 + y1 * y1 + x * x2 + y * y2 - stretch * stretch
+    return yaw, OverTime(reach, stretch, away / reach)
+
+
+def _cross(a: Vector, b: Vector) -> Scalar:
+    return a[0] * b[1] - a[1] * b[0]

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import jax
-
+from coopmm_jax.algebra.derivative import derivatives
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control.path_motion import Known
 from coopmm_jax.control.reference import Desired, at_instant
 from coopmm_jax.kinds.courses import current
-from coopmm_jax.kinds.paths import one_like
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import Partition
 from coopmm_jax.mechanics.robot import PITCH_JOINTS, per_robot
@@ -27,7 +25,7 @@ def desired_postures(model: Model, part: Partition, t: Scalar) -> Pair[tuple[Vec
     reference = at_instant(model.reference, t)
     if not free or not isinstance(reference, Known):
         return per_robot(lambda held: (held, _STILL), model.posture)
-    postures, rates = jax.jvp(lambda t: _along_the_path(model, reference, t), (t,), (one_like(t),))
+    postures, rates = derivatives(lambda t: _along_the_path(model, reference, t), t, 1)
     return per_robot(lambda held, rate: (held, rate), postures, rates)
 
 
@@ -37,7 +35,7 @@ def _along_the_path(model: Model, known: Known, t: Scalar) -> Pair[Vector]:
     def angles(geometry: Geometry, reach: Scalar, before: Vector) -> Vector:
         return arm_angles(geometry, reach, height - 2.0 * geometry.l1, before[1])
 
-    reaches = (known.aim.reach.after(t - known.t), known.reference.offset[1])
+    reaches = (known.aim.reach.at(t, known.t), known.reference.offset[1])
     return per_robot(angles, model.geometry, reaches, model.posture)
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from coopmm_jax.algebra.sincos import sincos
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
-from coopmm_jax.control.path_motion import Aim, Known, known_at
+from coopmm_jax.control.path_motion import Aim, Known, aim_at, moving
 from coopmm_jax.kinds.courses import current
 from coopmm_jax.kinds.paths import is_closed
 from coopmm_jax.mechanics.robot import per_robot
@@ -41,7 +41,7 @@ def at_instant(reference: AnyReference, t: Scalar, aim: Aim | None = None) -> Re
     """
     if not isinstance(reference, PathReference):
         return reference
-    return known_at(reference, t) if aim is None else Known(reference, aim, t)
+    return Known(reference, aim_at(reference, t) if aim is None else aim, t)
 
 
 def phase(reference: AnyReference, t: Scalar) -> Scalar:
@@ -85,17 +85,17 @@ def _circles(reference: Reference, t: Scalar) -> Pair[Desired]:
 
 
 def _beside_the_path(known: Known, t: Scalar) -> Pair[Desired]:
-    """Motion along a path, to first order about the instant at which it is known: enough for values and first rates."""
-    aim, delay = known.aim, t - known.t
-    heading = aim.heading + delay * aim.turn.value
-    across = aim.across + delay * aim.turn.value * aim.ahead
-    ahead = aim.ahead + delay * aim.advance
-    turn, turn_rate = aim.turn.value + delay * aim.turn.rate, aim.turn.rate + delay * aim.turn.acceleration
-    advance = aim.advance + delay * aim.advance_rate
-    arms = (
-        ((aim.yaw.value + delay * aim.yaw.rate,), (aim.yaw.rate + delay * aim.yaw.acceleration,)),
-        ((0.5 * math.pi,), (0.0,)),
-    )
+    """Motion along a path at the instant t [s] at which it is known; its first derivatives by t are right too."""
+    aim = known.aim
+
+    def at(value: Scalar, rate: Scalar) -> Scalar:
+        return moving(value, rate, t, known.t)
+
+    heading, turn = at(aim.heading, aim.turn.value), at(aim.turn.value, aim.turn.rate)
+    turn_rate, advance = at(aim.turn.rate, aim.turn.acceleration), at(aim.advance, aim.advance_rate)
+    across, ahead = at(aim.across, aim.turn.value * aim.ahead), at(aim.ahead, aim.advance)
+    yaw, yaw_rate = at(aim.yaw.value, aim.yaw.rate), at(aim.yaw.rate, aim.yaw.acceleration)
+    arms = ((yaw,), (yaw_rate,)), ((0.5 * math.pi,), (0.0,))
 
     def beside(offset: Scalar, arm: tuple[Vector, Vector]) -> Desired:
         return Desired(heading, across + offset, ahead, turn, advance, turn_rate, *arm)

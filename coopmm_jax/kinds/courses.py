@@ -14,11 +14,12 @@ from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from coopmm_jax.algebra.later import jax, jnp, sincos
+from coopmm_jax.algebra.derivative import derivatives
+from coopmm_jax.algebra.later import jnp, sincos
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import fits
-from coopmm_jax.kinds.paths import chebyshev, one_like
+from coopmm_jax.kinds.paths import chebyshev
 from coopmm_jax.kinds.registry import Group, Method, declare, quantity, register
 from coopmm_jax.kinds.timings import smooth_rise
 
@@ -148,6 +149,5 @@ def current(course: Any, t: Scalar) -> Scalar:
 
 def value_and_rates(course: Course, t: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """Scalar at time t [s], and its first and second time derivatives."""
-    one = one_like(t)
-    (now, rate), (_, acceleration) = jax.jvp(lambda t: jax.jvp(course.value, (t,), (one,)), (t,), (one,))
+    now, rate, acceleration = derivatives(course.value, t, 2)
     return now, rate, acceleration

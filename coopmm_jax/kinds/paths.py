@@ -1,7 +1,7 @@
 """Planar curves r(p) of a phase p, and the frame that runs along one.
 
-A path is a NamedTuple of numbers with a method ``point``; every derivative is taken forward (``jax.jvp``), so a path of
-one's own needs no more than that. It must be smooth to the fourth derivative, and dr/dp must vanish nowhere.
+A path is a NamedTuple of numbers with a method ``point``; JAX differentiates it, so a path of one's own needs no more
+than that. It must be smooth to the fourth derivative, and dr/dp must vanish nowhere.
 
 >>> Ellipse(half_length=2.0, half_width=1.0).point(0.0)[0].item()
 2.0
@@ -12,7 +12,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple, Protocol
 
-from coopmm_jax.algebra.later import jax, jnp, sincos
+from coopmm_jax.algebra.derivative import derivatives
+from coopmm_jax.algebra.later import angle_of, jnp, sincos
+from coopmm_jax.algebra.matrix import dot, scaled
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.registry import Group, Method, declare, quantity, register
@@ -184,24 +186,24 @@ class Frame(NamedTuple):
 
 def frame(path: Path, phase: Scalar) -> Frame:
     """Frame of a path at a scalar phase."""
-    point, tangent = jax.jvp(path.point, (phase,), (one_like(phase),))
-    stretch = jnp.sqrt(tangent[0] * tangent[0] + tangent[1] * tangent[1])
-    forward = tangent[0] / stretch, tangent[1] / stretch
+    return frame_of(*derivatives(path.point, phase, 1))
+
+
+def frame_of(point: Vector, tangent: Vector) -> Frame:
+    """Frame at a point (2,) [m], from the derivative (2,) of the path by its phase [m]."""
+    stretch = jnp.sqrt(dot(tangent, tangent))
+    forward = scaled(1.0 / stretch, tangent)
     return Frame(point, (forward[1], -forward[0]), forward, stretch)
 
 
 def bent_frame(path: Path, phase: Scalar) -> tuple[Frame, Scalar]:
     """Frame of a path at a scalar phase, and its curvature, positive to the left [1/m]."""
-    here, there = jax.jvp(lambda p: frame(path, p), (phase,), (one_like(phase),))
-    (x, y), (dx, dy) = here.lateral, there.forward
-    return here, -(x * dx + y * dy) / here.stretch
+    point, tangent, bend = derivatives(path.point, phase, 2)
+    at = frame_of(point, tangent)
+    inverse = 1.0 / at.stretch
+    return at, -dot(at.lateral, bend) * (inverse * inverse)
 
 
 def heading(at: Frame) -> Scalar:
     """Angle th of a platform that runs along a path: forward is (-sin th, cos th) [rad]."""
-    return jnp.arctan2(-at.forward[0], at.forward[1])
-
-
-def one_like(x: Scalar) -> Scalar:
-    """A one of the dtype of a scalar: the direction of a derivative by it."""
-    return x * 0.0 + 1.0
+    return angle_of(at.forward[1], -at.forward[0])

@@ -13,7 +13,7 @@ from coopmm_jax.loop.devices import device_rates
 from coopmm_jax.loop.force_loop import Instant, act, independent_velocity, observe
 from coopmm_jax.loop.form import Form, Packed
 from coopmm_jax.loop.integrate import rk4_step
-from coopmm_jax.loop.lookahead import at_stages, informed
+from coopmm_jax.loop.lookahead import informed
 from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.plant import carriage_rate, expected_kinematics, plant_kinematics, rates_without_drift
@@ -80,4 +80,4 @@ def continuous_step(
     def at_stage(t: Scalar, state: PyTree, aim: Any = None) -> tuple[PyTree, PyTree]:
         return field(informed(model, aim, t), t, state)
 
-    return rk4_step(at_stage, t, step, state, at_stages(aims))
+    return rk4_step(at_stage, t, step, state, aims)

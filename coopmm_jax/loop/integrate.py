@@ -17,11 +17,11 @@ from coopmm_jax.algebra.types import PyTree, Scalar
 # Nodes and weights of the classical Runge-Kutta method; each stage starts from the slope of the one before.
 _NODES = (0.0, 0.5, 0.5, 1.0)
 _WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+_PLACES = (0, 1, 1, 2)  # of each stage among begin, middle and end of a step
+_TOGETHER = 64  # steps for which something is prepared at once, so that it stays in the first-level cache
 
 
-def rk4_step(
-    field: Callable, t: Scalar, step: Scalar, state: PyTree, at_stages: PyTree = None
-) -> tuple[PyTree, PyTree]:
+def rk4_step(field: Callable, t: Scalar, step: Scalar, state: PyTree, known: PyTree = None) -> tuple[PyTree, PyTree]:
     """One classical Runge-Kutta step.
 
     Args:
@@ -29,7 +29,7 @@ def rk4_step(
         t: time, scalar [s].
         step: scalar [s].
         state: pytree of scalars.
-        at_stages: pytree of arrays (4, ...), one entry for each stage; None: nothing is given.
+        known: pytree of arrays (3, ...), of what is given at begin, middle and end of the step; None: nothing is.
 
     Returns:
         State at t + step, and signals at t: those of the first stage, so they cost nothing.
@@ -40,16 +40,22 @@ def rk4_step(
 
     def stage(carry: tuple, entries: tuple) -> tuple:
         slope, total = carry
-        node, weight, *given = entries
+        node, weight, *place = entries
+        given = [_entry(known, i) for i in place]
         rates, signals = field(t + node * step, jax.tree.map(lambda x, k: x + node * step * k, state, slope), *given)
         return (rates, jax.tree.map(lambda x, k: x + weight * step * k, total, rates)), signals
 
     dtype = jnp.result_type(*jax.tree.leaves(state))
     table = (jnp.asarray(_NODES, dtype), jnp.asarray(_WEIGHTS, dtype))
-    if at_stages is not None:
-        table = (*table, at_stages)
+    if known is not None:
+        table = (*table, jnp.asarray(_PLACES, jnp.int32))
     (_, total), signals = jax.lax.scan(recomputed(stage), (jax.tree.map(jnp.zeros_like, state), state), table)
     return total, jax.tree.map(lambda s: s[0], signals)
+
+
+def _entry(arrays: PyTree, i: jax.Array) -> PyTree:
+    """Entry i of arrays (n, ...)."""
+    return jax.tree.map(lambda x: jax.lax.dynamic_index_in_dim(x, i, keepdims=False), arrays)
 
 
 def recomputed(function: Callable) -> Callable:
@@ -75,18 +81,19 @@ def rk4_hold(field: Callable, t: Scalar, step: Scalar, count: int, state: PyTree
 
 
 def scan_segments(
-    advance: Callable, carry: PyTree, segments: int, length: int, checkpoint: bool, given: PyTree = None
+    advance: Callable, carry: PyTree, segments: int, length: int, checkpoint: bool, ahead: Callable | None = None
 ) -> tuple[PyTree, PyTree]:
     """Run ``advance`` segments * length times and keep what the first step of each segment reports.
 
     Args:
         advance: (carry, i) -> (carry, report) for step i; (carry, i, given) where something is given for each step.
+            Where it is, ``advance`` may be called for some steps more.
         carry: at the start.
         segments: number of segments.
-        length: steps of each segment.
+        length: steps of each.
         checkpoint: recompute segments in the reverse pass instead of keeping every step's intermediate values; pays
             off only under ``jax.grad``.
-        given: pytree of arrays (segments, length, ...), one entry for each step.
+        ahead: (i, n) -> pytree of arrays (n, ...): what is given for n steps from step i on.
 
     Returns:
         Last carry, and the reports stacked along a leading axis of ``segments``.
@@ -101,5 +108,14 @@ def scan_segments(
         return carry, jax.tree.map(lambda x: x[0], reports)
 
     body = recomputed(segment) if checkpoint else segment
-    entries = (length * jnp.arange(segments, dtype=jnp.int32),)
-    return jax.lax.scan(body, carry, entries if given is None else (*entries, given))
+    if ahead is None:
+        return jax.lax.scan(body, carry, (length * jnp.arange(segments, dtype=jnp.int32),))
+    together = min(segments, max(1, _TOGETHER // length))
+
+    def block(carry: PyTree, start: jax.Array) -> tuple[PyTree, PyTree]:
+        given = jax.tree.map(lambda x: x.reshape(together, length, *x.shape[1:]), ahead(start, together * length))
+        return jax.lax.scan(body, carry, (start + length * jnp.arange(together, dtype=jnp.int32), given))
+
+    blocks = -(-segments // together)
+    carry, reports = jax.lax.scan(block, carry, together * length * jnp.arange(blocks, dtype=jnp.int32))
+    return carry, jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:segments], reports)

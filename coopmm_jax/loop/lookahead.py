@@ -1,11 +1,13 @@
-"""Desired motion along a path at every stage of a rollout, computed at once before the loop.
+"""Desired motion along a path at the stages of many steps, computed at once before they are taken.
 
-A path's derivatives take as many operations as half of the dynamics, but they do not depend on the state: side by side
-for all instants they cost a tenth of that.
+A path's derivatives take as many operations as a quarter of the loop, but they do not depend on the state: side by side
+for many instants they cost a tenth of that. Not for all of a rollout at once, as fetching fresh memory for them takes
+longer than computing them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, cast
 
 import jax
@@ -18,42 +20,39 @@ from coopmm_jax.loop.form import Packed
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.parameters import PathReference
 
-_TOGETHER = 64  # instants in one vector loop, whose values stay in the first-level cache
+_EVENLY = 8  # instants that a vector instruction of any machine takes at once
+Ahead = Callable[[jax.Array, int], Packed]  # (first step, number of steps) -> aims, packed: (steps, instants, ...)
 
 
-def aims_ahead(reference: PathReference, step: Scalar, segments: int, length: int, dtype: DTypeLike) -> Packed:
-    """Aims at the begin, in the middle and at the end of every step, packed: (segments, length, 3, ...).
+def aims_ahead(reference: PathReference, step: Scalar, dtype: DTypeLike, sampled: bool) -> Ahead:
+    """Function that gives the aims of some steps: at the begin, in the middle and at the end of each of them.
 
     Args:
         reference: of the rollout.
         step: its step [s].
-        segments: of the rollout.
-        length: steps of each.
         dtype: of the rollout.
+        sampled: at the begin alone, as nothing else is asked of a path then; static.
     """
-    count = segments * length
-    halves = jnp.arange(-(-(2 * count + 1) // _TOGETHER) * _TOGETHER, dtype=jnp.int32)
-    t = (halves // 2).astype(dtype) * step + (halves % 2).astype(dtype) * (0.5 * step)
 
-    def packed(t: jax.Array) -> Packed:
+    def at_instants(halves: jax.Array) -> Packed:
+        """Aims (n, ...) at instants (n,), numbered by half steps."""
+        t = (halves // 2).astype(dtype) * step + (halves % 2).astype(dtype) * (0.5 * step)
         return jax.vmap(lambda t: Packed.of(aim_at(reference, t), dtype))(t)
 
-    aims = jax.lax.map(packed, t.reshape(-1, _TOGETHER))
-    values = aims.values.reshape(len(halves), -1)[: 2 * count + 1]
-    stages = jnp.stack([values[:-1:2], values[1::2], values[2::2]], axis=1)
-    return Packed(stages.reshape(segments, length, 3, -1), (), aims.layout)
+    def aims(first: jax.Array, steps: int) -> Packed:
+        if sampled:
+            begins = at_instants(2 * (first + jnp.arange(steps, dtype=jnp.int32)))
+            return Packed(begins.values[:, None], (), begins.layout)
+        count = 2 * steps + 1
+        found = at_instants(2 * first + jnp.arange(-(-count // _EVENLY) * _EVENLY, dtype=jnp.int32))
+        values = found.values[:count]
+        return Packed(jnp.stack([values[:-1:2], values[1::2], values[2::2]], axis=1), (), found.layout)
 
-
-def at_stages(aims: Packed | None) -> PyTree:
-    """Aims (4, ...) at the four stages of a Runge-Kutta step, from those of the step (3, ...); None of none."""
-    if aims is None:
-        return None
-    begin, middle, end = jnp.split(aims.values, 3)
-    return Packed(jnp.concatenate([begin, middle, middle, end]), aims.arrays, aims.layout)
+    return aims
 
 
 def at_begin(aims: Packed | None) -> PyTree:
-    """Aim at the begin of a step, from those of the step (3, ...); None of none."""
+    """Aim at the begin of a step, from those of the step (instants, ...); None of none."""
     return None if aims is None else Packed(aims.values[0], aims.arrays, aims.layout)
 
 

@@ -159,10 +159,10 @@ def rollout(
         return (state, total, Health(status, jnp.where(failed, i, health.step))), report
 
     carry = (form.pack(start.state), form.pack(jax.tree.map(jnp.asarray, observer.start)) if observer else None, health)
-    aims = None  # a batch does without: what it does not vary is computed once for all elements
+    ahead = None  # a batch does without: what it does not vary is computed once for all elements
     if plan.packed and isinstance(parameters.reference, PathReference):
-        aims = aims_ahead(parameters.reference, step, plan.segments, plan.length, dtype)
-    (state, total, health), reports = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint, aims)
+        ahead = aims_ahead(parameters.reference, step, dtype, structure.substeps > 0)
+    (state, total, health), reports = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint, ahead)
     return Rollout(form.unpack(state), form.unpack(total), health, reports.unpack() if record else None)
 
 

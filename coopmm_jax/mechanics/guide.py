@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import jax
-
+from coopmm_jax.algebra.derivative import derivatives
 from coopmm_jax.algebra.matrix import dot, minus, plus, scaled
 from coopmm_jax.algebra.sincos import sincos
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.kinds.courses import is_course, value_and_rates
-from coopmm_jax.kinds.paths import Frame, bent_frame, one_like
+from coopmm_jax.kinds.paths import Frame, bent_frame
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import MovingRail, Rail
@@ -85,15 +84,13 @@ def first_phase(rail: Rail, zero: Scalar) -> Scalar:
 
 
 def _moving_track(rail: MovingRail, t: Scalar) -> Track:
-    one = one_like(t)
-
     def moving(t: Scalar) -> tuple[Frame, Scalar, Scalar, Scalar]:
-        phase, rate = jax.jvp(rail.timing.phase, (t,), (one,))
+        phase, rate = derivatives(rail.timing.phase, t, 1)
         at, curvature = bent_frame(rail.path, phase)
         speed = at.stretch * rate
         return at, curvature, curvature * speed, speed
 
-    (at, curvature, turn, speed), (_, _, turn_rate, _) = jax.jvp(moving, (t,), (one,))
+    (at, curvature, turn, speed), (_, _, turn_rate, _) = derivatives(moving, t, 1)
     return Track(at, curvature, TrackMotion(turn, turn_rate, speed))
 
 
@@ -111,8 +108,9 @@ def guide_frame(track: Track, position: Position, tip: Vector) -> GuideFrame:
         x, y = vector
         return c * y - s * x, -(c * x + s * y)
 
-    at = track.at
-    return GuideFrame(minus(tip, along_arm(at.point)), along_arm(at.lateral), along_arm(at.forward), track)
+    tangent = along_arm(track.at.forward)
+    normal = (tangent[1], -tangent[0])
+    return GuideFrame(minus(tip, along_arm(track.at.point)), normal, tangent, track)
 
 
 def sideways(f: GuideFrame) -> Scalar:
@@ -142,7 +140,7 @@ def sideways_bias(f: GuideFrame, velocity: Vector, acceleration: Vector) -> Scal
 
 def carriage_step(f: GuideFrame | None) -> Scalar:
     """Change of a carriage's coordinate, a scalar, that brings it beside the object; 0 without a track."""
-    return 0.0 if f is None else dot(f.tangent, f.off) / f.track.at.stretch
+    return 0.0 if f is None else (1.0 / f.track.at.stretch) * dot(f.tangent, f.off)
 
 
 def in_rows(rows: tuple[str, ...], values: dict[str, Scalar]) -> Vector:

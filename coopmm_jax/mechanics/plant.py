@@ -110,4 +110,4 @@ def carriage_rate(structure: Structure, model: Model, k: Kinematics) -> Vector:
     if guide is None or not needs_carriage(structure.rows, model):
         return ()
     along = dot(guide.tangent, tip_velocity(k.bodies.tip[1], k.bodies.T[1] @ k.velocity[1]))
-    return (along / guide.track.at.stretch + DRIFT_RATE * carriage_step(guide),)
+    return ((1.0 / guide.track.at.stretch) * along + DRIFT_RATE * carriage_step(guide),)

@@ -2,8 +2,9 @@
 
     python -m experiments.benchmarks.paths [--rounds 7]
 
-All programs are compiled first, run once to warm up, and then timed in turn, so that a machine that slows down slows
-them all; the table gives medians, and their ratio to the circle's.
+All programs are compiled first, run once to warm up, and then timed in turn in the process's own CPU time, so that
+neither a busy machine nor one that slows down favours one of them; the table gives medians, and their ratio to the
+circle's.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def scenarios() -> dict[str, Scenario]:
 
 
 def _programs(scenario: Scenario) -> dict[str, tuple[float, Callable[[], Any]]]:
-    """Seconds to compile, and one run, of each program by name."""
+    """Seconds of CPU time to compile, and one run, of each program by name."""
     structure, parameters = scenario.structure(), as_scalars(scenario.parameters(), jnp.float64)
     force = Observer(jnp.zeros(()), lambda total, t, s: total + s.force_error[0] ** 2)
 
@@ -58,14 +59,14 @@ def _programs(scenario: Scenario) -> dict[str, tuple[float, Callable[[], Any]]]:
 
 
 def _compiled(function: Callable, argument: Any) -> tuple[float, Callable[[], Any]]:
-    """Seconds to compile a function, and its run."""
-    start = time.perf_counter()
+    """Seconds of CPU time to compile a function, and its run."""
+    start = time.process_time()
     executable = jax.jit(function).lower(argument).compile()
-    return time.perf_counter() - start, lambda: jax.block_until_ready(executable(argument))
+    return time.process_time() - start, lambda: jax.block_until_ready(executable(argument))
 
 
 def _swept(structure: Structure, scenario: Scenario) -> tuple[float, Callable[[], Any]]:
-    """Seconds until the first batch of a sweep has run, and one batch of 1 s."""
+    """Seconds of CPU time until the first batch of a sweep has run, and one batch of 1 s."""
     from coopmm_jax.scenario.variation import vary
 
     masses = {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}
@@ -76,9 +77,9 @@ def _swept(structure: Structure, scenario: Scenario) -> tuple[float, Callable[[]
     def run() -> Any:
         return measure(structure, horizon, jax.devices()[0], batch)
 
-    start = time.perf_counter()
+    start = time.process_time()
     run()
-    return time.perf_counter() - start, run
+    return time.process_time() - start, run
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -93,9 +94,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for _ in range(rounds + 1):
             for name, each in made.items():
                 for program, (_, run) in each.items():
-                    start = time.perf_counter()
+                    start = time.process_time()
                     run()
-                    times.setdefault((name, program), []).append(time.perf_counter() - start)
+                    times.setdefault((name, program), []).append(time.process_time() - start)
     median = {key: statistics.median(values[1:]) for key, values in times.items()}
     print(f"{'program':18} {'path':8} {'compile [s]':>11} {'ratio':>6} {'run [s]':>8} {'ratio':>6}")
     for name, each in made.items():
