@@ -1,5 +1,6 @@
 """Motion along paths: figures of the study, kinematics of the reference, proof and energy along a figure of eight."""
 
+import json
 from functools import partial
 
 import jax
@@ -11,16 +12,16 @@ from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.kinds.courses import Sine, Swing
 from coopmm_jax.kinds.paths import Circle
 from coopmm_jax.kinds.timings import Rate, RestToRest
-from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.disturbance import disturbing
-from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import Gains, Parameters, PathReference, Rail, Structure
 from coopmm_jax.proof.terms import proof_terms
+from tests import path_worker
 from tests.beside_a_path import EIGHT, FULL, eight, ellipse
 from tests.oracles import lagrangian
 from tests.samples import poses
+from tests.workers import run_worker
 
 # z1 z2 z3 a1 a2 a3 of both robots after one second.
 ON_THE_ELLIPSE = [
@@ -201,28 +202,11 @@ def test_aims_computed_ahead_change_nothing(along_the_ellipse):
     np.testing.assert_allclose(state.carriage, along_the_ellipse.signals.carriage[0][200], rtol=1e-12)
 
 
-def test_gradients_by_path_rail_timing_offset_and_force(along_the_eight):
-    """Reverse mode through the loop's right-hand side at one state, against central differences."""
-    at, start = jax.tree.map(lambda x: float(x[300]), along_the_eight.signals), eight()
-    independent = (*at.velocity[0][:3], *at.velocity[1][:3])
-    state = State(at.position, independent, ControllerState(*at.controller), carriage=at.carriage)
-    names = ("path", "rail", "rate", "offset", "force")
-
-    def slope(*x):
-        reference = start.reference._replace(
-            path=EIGHT._replace(xs=(3.0 + x[0], 0.0)),
-            timing=start.reference.timing._replace(rate=0.7 + x[2]),
-            offset=(0.7 + x[3], -0.7),
-            contact_force=start.reference.contact_force._replace(amplitude=5.0 + x[4]),
-        )
-        guide = start.plant.guide._replace(path=EIGHT._replace(ys=(0.0, 1.2 + x[1])))
-        model = build_model(start._replace(reference=reference, plant=start.plant._replace(guide=guide)))
-        rates, _ = closed_loop(FULL, model, 0.3, state)
-        return sum(x**2 for x in rates.velocity) + 1e3 * rates.controller.force_integral[0] ** 2
-
-    slopes = jax.grad(slope, tuple(range(len(names))))(*np.zeros(len(names)))
-    for i, name in enumerate(names):
-        step = 1e-4 * np.eye(len(names))[i]
-        near, far = (slope(*(k * step)) - slope(*(-k * step)) for k in (1, 2))
-        difference = (8.0 * near - far) / 12e-4  # of fourth order
-        assert float(slopes[i]) == pytest.approx(float(difference), rel=1e-6, abs=1e-7), name
+def test_gradients_over_a_rollout_by_path_rail_timing_and_gains():
+    """Reverse mode against differences of sixth order; with ideal sensing the desired force changes no motion."""
+    found = json.loads(run_worker(path_worker))
+    for name, exact, difference in zip(path_worker.CHANGES, found["reverse"], found["central"], strict=True):
+        if name == "force":
+            assert exact == 0.0
+        else:
+            assert exact == pytest.approx(difference, rel=1e-9), name
