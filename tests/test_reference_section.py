@@ -194,7 +194,7 @@ def test_how_well_a_path_fits_its_points_is_told():
 
 
 def test_a_file_that_has_changed_since_is_noticed(tmp_path):
-    """What is loaded says what the file had; stores and tuning runs keep that, and so refuse another content."""
+    """A loaded scenario says what the file had; stores and tuning runs keep that, and so refuse another content."""
     file, other = (tmp_path / f"{name}.csv" for name in "ab")
     for name, size in ((file, 1.0), (other, 2.0)):
         name.write_text("".join(f"{size * np.cos(a)},{size * np.sin(a)}\n" for a in ANGLE), encoding="utf-8")

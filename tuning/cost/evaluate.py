@@ -32,12 +32,12 @@ class Layout(NamedTuple):
     shared: tuple[bool, ...]  # (leaves,)
 
     def split(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of each sample (N, leaves that are its own), and those of all (leaves that are shared)."""
+        """Numbers of each sample that are its own (N, k), and those that all share, of rows (N, leaves)."""
         shared = np.array(self.shared, bool)
         return rows[:, ~shared], rows[0, shared]
 
     def parameters(self, own: jax.Array, common: jax.Array) -> Parameters:
-        """Parameters of one sample from ``split``'s numbers."""
+        """Parameters of one sample from its own numbers (k,) and those that all share (leaves - k,)."""
         columns = iter(range(len(own))), iter(range(len(common)))
         leaves = [(own, common)[alike][next(columns[alike])] for alike in self.shared]
         return jax.tree.unflatten(self.structure, leaves)
