@@ -7,6 +7,7 @@ from tests.closed_costs import replace_rollouts, scenario
 from tuning.cost import evaluate as batches
 from tuning.cost import problem as problem_module
 from tuning.cost.objective import FAILED
+from tuning.cost.problem import unscaled
 from tuning.cost.trials import DrawnTrials
 from tuning.search import method, stages
 from tuning.search.method import Candidate
@@ -15,6 +16,11 @@ from tuning.search.method import Candidate
 @pytest.fixture
 def rollouts(monkeypatch):
     return replace_rollouts(monkeypatch)
+
+
+@pytest.mark.parametrize(("knots", "kind"), [(1, stages.Generations), (4, stages.Generations), (8, stages.Descents)])
+def test_auto_goes_along_gradients_where_numbers_are_many(knots, kind):
+    assert isinstance(stages.plan(unscaled(scenario(schedule=knots))).wide, kind)
 
 
 def test_a_scan_finds_the_gain_that_is_far_off():

@@ -134,7 +134,7 @@ def test_simulated_steps_are_counted(rollouts):
     trials.values(np.zeros((3, problem.space.size)), 4, 0)
     assert trials.spent == 3 * 4 * 20_000
     trials.slopes(np.zeros((1, problem.space.size)), 2, 0)
-    assert trials.spent == (12 + 14 * 2) * 20_000
+    assert trials.spent == (12 + 20 * 2) * 20_000
 
 
 def test_the_search_ends_with_its_budget_and_says_so(rollouts):

@@ -114,7 +114,7 @@ def coopmm(meter: Meter, optimiser: str = "auto") -> None:
         if not np.array_equal(run.vectors[0], meter.trail[-1].vector):
             meter.note(run.vectors[0])
 
-    chosen = plan(problem.scenario.tuning, meter.seed, problem.space.size, problem.space.knots)
+    chosen = plan(problem)
     Driver(None, problem, told, lambda name: None).search(run, chosen, meter.seconds - meter.taken)
 
 

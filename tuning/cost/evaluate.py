@@ -17,9 +17,9 @@ from coopmm_jax.sweeps.engine import naming
 from tuning.cost.objective import FAILED, TERMS, Objective, check_finite
 
 BATCH = 32  # elements: one core is fastest with 32 to 64, and the usual 16 candidates x 4 samples fill two cores
-# Of gradients by gains, of which a search asks for 4 to 16 at a time: a batch of 8 takes 1.5 s of CPU on ``sensed``
-# over 20 s and compiles in 57 s, one of 32 takes 2.2 s and compiles in 258 s.
-FEW = 8
+# Of gradients by gains, of which a descent asks for 4 at a time: a batch of 4 takes 0.7 s of CPU on ``sensed`` over
+# 20 s, one of 8 takes 1.5 s and compiles in 57 s, one of 32 takes 2.2 s and compiles in 258 s.
+FEW = 4
 # What differentiates by a sample's numbers takes LLVM minutes to optimise, and is run a few times: without, it compiles
 # four times as fast and runs three times as slow.
 _UNOPTIMISED = (("xla_backend_optimization_level", 0),)

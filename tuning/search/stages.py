@@ -4,12 +4,15 @@ Measured on ``sensed`` (19 gains, 20 s): a scan from the best of 256 Sobol point
 the budget, since one or two gains of such a point are far off; generations alone need four times as long for that, and
 where they end, a scan still frees a gain that lies on a plateau.
 
-``auto`` means generations: at 4, 19 and 152 numbers they were ahead of L-BFGS along exact gradients at every time up to
-45 s (experiments.benchmarks.tuners: 0.474 against 0.567 at 19 numbers, 0.438 against 0.709 at 152). A gradient costs 14
-forward batches, and noise of the robots drawn does not disturb an order as it does a slope.
+``auto`` means descents along exact gradients from ``MANY`` numbers on, and generations below. From the best of 64 Sobol
+points, without scans, on ``sensed`` over 4 s with 152 numbers, descents were at a cost of 0.467 after 7 s of CPU and at
+0.424 after 17 s, generations at 0.504 after 38 s; on ``paper_full`` descents were at 0.362 after 6 s, generations at
+0.360 after 41 s. With 19 numbers both were at 0.537 after 7.5 s, and generations use two cores.
 
->>> from coopmm_jax.scenario.sections.tuning import TuningSection
->>> [type(plan(TuningSection(), seed=0, numbers=19).stage(i)).__name__ for i in range(4)]
+>>> from coopmm_jax.scenario.scenario import load_scenario
+>>> from tuning.cost.problem import unscaled
+>>> chosen = plan(unscaled(load_scenario("sensed")))
+>>> [type(chosen.stage(i)).__name__ for i in range(4)]
 ['Scan', 'Generations', 'Scan', 'Generations']
 """
 
@@ -24,11 +27,12 @@ from tuning.search import cma, method
 from tuning.search.method import LBFGS, Candidate, Optax, Trials
 
 if TYPE_CHECKING:
-    from coopmm_jax.scenario.sections.tuning import TuningSection
+    from tuning.cost.problem import Problem
 
 CHECK = 20  # generations between two checks of the mean on the fixed samples
 WIDE, NARROW = 0.3, 0.15  # standard deviations of first generations
 HALF = 0.5  # share of the budget at which the wide local search ends
+MANY = 100  # numbers from which on exact gradients win
 DECAY = 100  # descent steps over which a cosine schedule falls to zero
 _SMALL = 1e-3  # standard deviation, a factor on a gain, below which generations have converged
 _WORTH = 1e-4  # least improvement for which a scan moves a gain
@@ -241,23 +245,20 @@ class Plan(NamedTuple):
         return self.narrow if number % 2 else self.scan
 
 
-def plan(settings: TuningSection, seed: int, numbers: int, knots: int = 1) -> Plan:
+def plan(problem: Problem) -> Plan:
     """The search that [tuning] asks for.
-
-    Args:
-        settings: [tuning].
-        seed: of all that is random.
-        numbers: n, that are tuned.
-        knots: of each gain, see ``GainSpace``.
 
     Raises:
         UserError: an optimiser that does not exist.
     """
-    scan, coarse = Scan(seed, 2 * settings.samples, knots), settings.coarse
-    first = replace(scan, precision=coarse)
-    if settings.optimiser in ("auto", "cma"):
+    settings, seed, space = problem.scenario.tuning, problem.scenario.simulation.seed, problem.space
+    scan, coarse = Scan(seed, 2 * settings.samples, space.knots), settings.coarse
+    first, name = replace(scan, precision=coarse), settings.optimiser
+    if name == "auto":
+        name = "cma" if space.size < MANY else "lbfgs"
+    if name == "cma":
         narrow = Generations(seed, settings.samples, settings.population, NARROW, 1.0)
         return Plan(first, replace(narrow, spread=WIDE, until=HALF, precision=coarse), scan, narrow)
-    chosen = method.method(settings.optimiser, settings.learning_rate, settings.decay, settings.clip, DECAY)
+    chosen = method.method(name, settings.learning_rate, settings.decay, settings.clip, DECAY)
     wide = Descents(chosen, settings.samples, settings.steps, settings.patience, HALF)
     return Plan(first, wide, scan, replace(wide, until=1.0))

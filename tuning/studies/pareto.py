@@ -126,8 +126,7 @@ def tune_front(
     say = stage or (lambda name: None)
     with jax.enable_x64(True), carried_by(executor):
         groups = _groups(scenario)
-        space = unscaled(scenario).space
-        chosen = plan(scenario.tuning, scenario.simulation.seed, space.size, space.knots)
+        chosen = plan(unscaled(scenario))
         say("compiling")
         problem = build_problem(scenario)
         weights = np.geomspace(*WEIGHTS, count)

@@ -95,7 +95,7 @@ def tune(
     say = stage or (lambda name: None)
     with jax.enable_x64(True), carried_by(executor), state.run_folder(out, resume, overwrite) as folder:
         before = unscaled(scenario)
-        chosen = plan(scenario.tuning, scenario.simulation.seed, before.space.size, before.space.knots)
+        chosen = plan(before)
         found = state.read(folder, scenario.to_toml()) if resume and folder else None
         say("compiling")
         if not elsewhere.get():  # workers compile what they meet

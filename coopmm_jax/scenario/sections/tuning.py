@@ -119,9 +119,7 @@ class TuningSection(Section):
     precision: Literal["mixed", "float64"] = quantity(
         "mixed", "floating point numbers: mixed takes float32 where candidates lie far apart, twice as fast"
     )
-    optimiser: str = quantity(
-        "auto", "auto (cma, the fastest from 4 to 152 numbers), cma, lbfgs, or one of optax by name"
-    )
+    optimiser: str = quantity("auto", "auto (lbfgs from 100 numbers on, else cma), cma, lbfgs, or one of optax by name")
     population: Population = quantity(16, "cma: candidates of a generation")
     steps: Count = quantity(4, "of a descent on the same samples")
     patience: Count = quantity(3, "descents in a row without a better result after which they end")
