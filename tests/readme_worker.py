@@ -1,6 +1,6 @@
 """The commands and Python blocks of a README at small size, as JSON: run by test_readme.py in a process of its own.
 
-Of its own for the reason that ``gradient_worker`` gives. Jobs come on the standard input, as [kind, text, more words].
+Of its own, as it makes small what has no option for it. Jobs come on the standard input, as [kind, text, more words].
 """
 
 import contextlib

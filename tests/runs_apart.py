@@ -1,8 +1,4 @@
-"""Rollouts in a process of their own, where XLA's multi-output fusion compiles them several times faster.
-
-Of their own, because that option may abort a process that also compiles other code, like the oracles
-(see ``runtime.use_fast_compilation``). With the options of the command line, not those of the other tests.
-"""
+"""Rollouts in a process of their own, which compiles them with the options of the command line, as they are shipped."""
 
 import functools
 import pickle

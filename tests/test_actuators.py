@@ -1,7 +1,5 @@
 """Torque limits, lag and friction of the actuators, alone and in the loop."""
 
-import json
-
 import jax
 import numpy as np
 import pytest
@@ -11,9 +9,8 @@ from hypothesis import strategies as st
 from coopmm_jax.loop.devices import limited
 from coopmm_jax.mechanics.friction import friction_torque, smooth_sign
 from coopmm_jax.parameters import Features, Hardware, Structure
-from tests import limits_worker
+from tests import limits_results
 from tests.oracles import hardware
-from tests.workers import run_worker
 
 SMOOTH, HARD = (Structure(features=Features(**{form: True})) for form in ("smooth_limits", "torque_limits"))
 WIDE = Hardware(wheel_limit=100.0, joint_limit=60.0)
@@ -64,7 +61,7 @@ def test_smooth_sign():
 
 @pytest.fixture(scope="module")
 def limited_loops():
-    return json.loads(run_worker(limits_worker))
+    return limits_results.results()
 
 
 @pytest.mark.parametrize(("form", "numbers"), [("hard", 1), ("smooth", 4 + 4 + 6 + 1)])

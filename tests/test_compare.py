@@ -2,7 +2,6 @@
 
 import csv
 import json
-import pickle
 
 import numpy as np
 import pytest
@@ -14,9 +13,8 @@ from coopmm_jax.cli import main
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps.measure import SERIES
-from tests import compare_worker
+from tests import compare_results
 from tests.reading import Reading
-from tests.workers import run_worker
 from tuning.cost.objective import TERMS
 from tuning.reports import compare, compare_figures
 from tuning.studies.compare import OWN, ComparedGains
@@ -43,8 +41,7 @@ def files(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def answer(files):
-    run_worker(compare_worker, files)
-    return pickle.loads((files / "answer.pkl").read_bytes())
+    return compare_results.results(files)
 
 
 def arrays(compared, sets):
@@ -82,9 +79,9 @@ def test_numbers_are_those_of_simulate(answer):
     assert len({tuple(row) for row in comparison.costs}) == 4
     for i, metrics in zip([1, 2, 3, 0], answer["simulated"], strict=True):
         for name, value in metrics.items():
-            found = comparison.metrics[name][i, compare_worker.SAMPLE]
+            found = comparison.metrics[name][i, compare_results.SAMPLE]
             np.testing.assert_allclose(found, value, rtol=1e-8, atol=1e-10, err_msg=name)
-        terms = dict(zip(TERMS, comparison.terms[i, compare_worker.SAMPLE], strict=True))
+        terms = dict(zip(TERMS, comparison.terms[i, compare_results.SAMPLE], strict=True))
         assert terms["force"] == pytest.approx(metrics["force_error_rms"] ** 2, rel=1e-8)
         assert terms["effort"] == pytest.approx(10 * metrics["torque_rms"] ** 2, rel=1e-8)
 

@@ -1,6 +1,5 @@
 """Contact that can open: its force, the plant against the Lagrangian, and general.md E3's figures."""
 
-import json
 from functools import partial
 
 import jax
@@ -15,10 +14,9 @@ from coopmm_jax.mechanics.compliant_contact import contact_force, pressed_in
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import Features, Gains, Hardware, Parameters, Structure
 from coopmm_jax.status import Status
-from tests import surface_worker
+from tests import surface_results
 from tests.oracles import hardware, lagrangian
 from tests.samples import ROW_SETS, SHAPES, assert_close, at_surface, joined, positions, vector
-from tests.workers import run_worker
 
 SOFT = Hardware(penetration=1e-3, contact_damping=2.0)
 NOW = 0.7  # [s]
@@ -140,7 +138,7 @@ def test_a_finer_step_gives_the_same(run, programs):
 
 @pytest.fixture(scope="module")
 def slopes():
-    return {name: np.array(values) for name, values in json.loads(run_worker(surface_worker)).items()}
+    return {name: np.array(values) for name, values in surface_results.results().items()}
 
 
 def test_an_undamped_surface_keeps_the_tip_bouncing(programs):

@@ -1,7 +1,5 @@
 """The search for the worst sample: closed-form costs in place of rollouts, then real ones in a process of their own."""
 
-import json
-
 import jax
 import numpy as np
 import pytest
@@ -10,9 +8,8 @@ from coopmm_jax import cli
 from coopmm_jax.parameters import PhaseSchedule
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.variation import vary
-from tests import falsify_worker
+from tests import falsify_results
 from tests.reading import Reading
-from tests.workers import run_worker
 from tuning.cost import evaluate as batches
 from tuning.cost.objective import FAILED, TERMS
 from tuning.cost.problem import build_problem
@@ -199,7 +196,7 @@ def test_command_prints_numbers_and_writes_the_scenario(failing, tmp_path, capsy
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    return json.loads(run_worker(falsify_worker, tmp_path_factory.mktemp("falsify")))
+    return falsify_results.results(tmp_path_factory.mktemp("falsify"))
 
 
 def test_gradients_are_those_of_central_differences(results):
@@ -226,7 +223,7 @@ def test_worse_than_random_samples_by_either_kind_of_gradient(results):
     assert results["by_reverse"] == pytest.approx(results["cost"], rel=1e-6)
     rollouts, steps = results["spent"]
     assert rollouts <= 80
-    assert steps == rollouts * round(falsify_worker.HORIZON / 1e-3)
+    assert steps == rollouts * round(falsify_results.HORIZON / 1e-3)
 
 
 def test_samples_against_other_gains_come_worst_first(results):

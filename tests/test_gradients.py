@@ -1,19 +1,16 @@
 """Gradients through the full 20 s: reverse mode with checkpoints, forward mode and central differences agree."""
 
-import json
-
 import jax
 import numpy as np
 import pytest
 
 from coopmm_jax.parameters import Structure
-from tests import gradient_worker
-from tests.workers import run_worker
+from tests import gradient_results
 
 
 @pytest.fixture(scope="module")
 def gradients():
-    return {name: np.array(values) for name, values in json.loads(run_worker(gradient_worker)).items()}
+    return {name: np.array(values) for name, values in gradient_results.results().items()}
 
 
 def test_every_gain_matters(gradients):
@@ -36,8 +33,8 @@ def test_checkpoints_do_not_change_the_cost(gradients):
 
 def test_observer_sees_every_sample(gradients, programs):
     """The cost again, from a recorded run compiled with other options and without an observer."""
-    run = programs(Structure())(gradient_worker.PAPER, gradient_worker.STEP, gradient_worker.STEPS)
-    total = np.sum(jax.vmap(lambda t, s: gradient_worker.sample_cost(0.0, t, s))(run.t, run.signals))
+    run = programs(Structure())(gradient_results.PAPER, gradient_results.STEP, gradient_results.STEPS)
+    total = np.sum(jax.vmap(lambda t, s: gradient_results.sample_cost(0.0, t, s))(run.t, run.signals))
     assert gradients["value"] == pytest.approx(float(total), rel=1e-13)
 
 

@@ -1,19 +1,16 @@
 """The objective on real rollouts: gradients of every tunable gain, and independent batch elements."""
 
-import json
-
 import numpy as np
 import pytest
 
 from coopmm_jax.parameters import Gains
-from tests import tuning_worker
-from tests.workers import run_worker
+from tests import tuning_results
 from tuning.cost.objective import TERMS
 
 
 @pytest.fixture(scope="module")
 def results():
-    return json.loads(run_worker(tuning_worker))
+    return tuning_results.results()
 
 
 def test_every_tunable_gain_is_there_and_matters(results):

@@ -15,16 +15,16 @@ from PIL import Image
 from coopmm_jax.scenario.overrides import split
 from coopmm_jax.scenario.scenario import load_scenario
 from experiments import readme_media
-from tests import readme_worker, tuning_worker
+from tests import readme_worker, tuning_results
 
 ROOT = Path(__file__).parent.parent
 SHORT = ["--simulation.duration", "0.1"]
 FEW = {"starts": 4, "samples": 2, "screening-samples": 2, "test-samples": 4, "budget": 0.02}
 FEW |= {"precision": "float64"}  # one program less to compile
 # The loop and the gains of test_objective.py, whose compiled gradient this shares.
-TUNING = {name: value for name, value in tuning_worker.SCENARIO["tuning"].items() if name != "weights"}
+TUNING = {name: value for name, value in tuning_results.SCENARIO["tuning"].items() if name != "weights"}
 SHORT_TUNING = [
-    *shlex.split(f"--simulation.duration {tuning_worker.HORIZON} --law.feedforward projected"),
+    *shlex.split(f"--simulation.duration {tuning_results.HORIZON} --law.feedforward projected"),
     *(word for name, value in (TUNING | FEW).items() for word in (f"--tuning.{name}", json.dumps(value))),
 ]
 COMPARED = [*SHORT_TUNING, "--samples", "4"]

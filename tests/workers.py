@@ -1,4 +1,4 @@
-"""Workers: what has to run in a process of its own, for the reason that ``gradient_worker`` gives."""
+"""XLA's options of the tests, and workers: what has to run in a process of its own."""
 
 import os
 import subprocess

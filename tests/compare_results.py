@@ -1,14 +1,10 @@
-"""Comparisons of gains on real rollouts: run by test_compare.py in a process of its own, as ``runs_apart`` explains.
+"""Comparisons of gains on real rollouts, for test_compare.py.
 
-The folder that it is given has stiff.toml, other.toml, certain.toml and short.toml, a scenario; the answer is pickled
-to answer.pkl.
+The folder that they are given has stiff.toml, other.toml, certain.toml and short.toml, a scenario.
 """
 
 import contextlib
 import io
-import pickle
-import sys
-from pathlib import Path
 
 import numpy as np
 
@@ -17,15 +13,13 @@ from coopmm_jax.cli import main as coopmm
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.variation import vary
-from tests.workers import start_worker
 from tuning.studies.compare import OWN, compare_gains
 
 SAMPLE = 2
 
 
-def main(folder):
+def results(folder):
     """Three sets; with one of another controller; in another order; one sample alone; simulated; the command."""
-    start_worker()
     scenario = cm.load_scenario(folder / "short.toml")
     stiff, other, certain = (folder / f"{name}.toml" for name in ("stiff", "other", "certain"))
     with contextlib.redirect_stdout(io.StringIO()) as printed:
@@ -39,7 +33,7 @@ def main(folder):
             str(folder / "out"),
         ]
         code = coopmm(["compare", *arguments])
-    answer = {
+    return {
         "compared": compare_gains(scenario, [OWN, stiff, other]),
         "controllers": compare_gains(scenario, [certain, OWN, stiff, other]),
         "permuted": compare_gains(scenario, [other, OWN, stiff, other]),
@@ -47,7 +41,6 @@ def main(folder):
         "simulated": [cm.simulate(single).metrics for single in _singles(scenario, stiff, other, certain)],
         "command": (code, printed.getvalue()),
     }
-    (folder / "answer.pkl").write_bytes(pickle.dumps(answer))
 
 
 def _singles(scenario, *files):
@@ -57,7 +50,3 @@ def _singles(scenario, *files):
     drawn = {number: float(np.squeeze(value)) for number, value in variation.values(point).items()}
     single = variation.sample(SAMPLE, drawn)
     return [single, *(single.with_overrides(read_gains(file)) for file in files)]
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

@@ -1,10 +1,4 @@
-"""Gradients of a 20 s cost three ways, as JSON: run by test_gradients.py in a process of its own.
-
-Of its own, because only with XLA's multi-output fusion do gradients compile in seconds rather than minutes, and that
-option may abort a process that also compiles other code (see ``runtime.use_fast_compilation``).
-"""
-
-import json
+"""Gradients of a 20 s cost three ways, for test_gradients.py."""
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +7,6 @@ import numpy as np
 from coopmm_jax.control.reference import desired_motion
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.parameters import Gains, Parameters, Structure
-from tests.workers import start_worker
 
 STEP, STEPS = 1e-3, 20_000
 PAPER = Parameters(gains=Gains(delta_floor=0.01))
@@ -54,15 +47,14 @@ def central_differences(function, gains, relative_step=RELATIVE_STEP):
     return slopes
 
 
-def main():
-    """Print value, reverse, forward, central (19 numbers each, NAMES sorted) and what the reverse pass needs [B]."""
-    start_worker()
+def results():
+    """Value, reverse, forward, central (19 numbers each, NAMES sorted) and what the reverse pass needs [B]."""
     gains = {name: tuple(map(float, getattr(PAPER.gains, name))) for name in NAMES}
     plain, checkpointed = Plan.batch(STEPS, 1000), Plan.gradient(STEPS)
     reverse = jax.jit(jax.value_and_grad(lambda x: cost(x, checkpointed))).lower(gains).compile()
     checkpointed_value, gradient = reverse(gains)
     function = jax.jit(lambda x: cost(x, plain))
-    results = {
+    return {
         "value": float(function(gains)),
         "checkpointed_value": float(checkpointed_value),
         "reverse": flat(gradient),
@@ -70,8 +62,3 @@ def main():
         "central": central_differences(function, gains),
         "reverse_bytes": reverse.memory_analysis().temp_size_in_bytes,
     }
-    print(json.dumps(results))
-
-
-if __name__ == "__main__":
-    main()

@@ -1,17 +1,11 @@
-"""Gradients of a sampled loop's cost under torque limits, and central differences, as JSON; run by test_actuators.py.
-
-In a process of its own, for the reason that ``gradient_worker`` gives.
-"""
-
-import json
+"""Gradients of a sampled loop's cost under torque limits, and central differences, for test_actuators.py."""
 
 import jax
 import jax.numpy as jnp
 
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.scenario.scenario import load_scenario
-from tests.gradient_worker import central_differences, flat
-from tests.workers import start_worker
+from tests.gradient_results import central_differences, flat
 
 LIMIT = {"wheel": 20.0, "joint": 4.0}  # [N m], low enough that much of the start is spent at them
 STEP, STEPS = 1e-3, 500
@@ -61,11 +55,6 @@ def by_forward_mode(form):
     return {"cost": float(value), "largest": float(largest), "gradient": [float(slope)], "central": central}
 
 
-def main():
-    """Print what each form of limits gives."""
-    start_worker()
-    print(json.dumps({"hard": by_forward_mode("hard"), "smooth": by_reverse_mode("smooth")}))
-
-
-if __name__ == "__main__":
-    main()
+def results():
+    """What each form of limits gives."""
+    return {"hard": by_forward_mode("hard"), "smooth": by_reverse_mode("smooth")}

@@ -1,10 +1,6 @@
-"""Gradients by numbers of surface and contact, as JSON: run by test_compliant_contact.py in a process of its own.
-
-Of its own for the reason that gradient_worker.py gives.
-"""
+"""Gradients by numbers of surface and contact, for test_compliant_contact.py."""
 
 import functools
-import json
 
 import jax
 import jax.numpy as jnp
@@ -12,8 +8,7 @@ import jax.numpy as jnp
 from coopmm_jax.kinds.surfaces import Conic
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.parameters import Gains, Hardware, Parameters, Plant, Structure, Surface
-from tests.gradient_worker import central_differences, flat
-from tests.workers import start_worker
+from tests.gradient_results import central_differences, flat
 
 STEP, STEPS = 1e-3, 350
 NUMBERS = {"curvature_n": 1.3, "curvature_e": 1.1, "penetration": 1e-3, "damping": 2.0, "K_lambda": 0.3}
@@ -36,18 +31,13 @@ def cost(numbers, steps, plan):
     return rollout(STRUCTURE, parameters, STEP, steps, plan, Observer(jnp.zeros(()), update)).total
 
 
-def main():
-    """Print the slopes by each of NUMBERS, sorted, and central differences: before the tip lifts off, and landed."""
-    start_worker()
+def results():
+    """The slopes by each of NUMBERS, sorted, and central differences: before the tip lifts off, and landed."""
     plan = Plan.gradient(STEPS)
     reverse = jax.jit(jax.grad(lambda x, steps: cost(x, steps, plan)))
     value = jax.jit(lambda x, steps: cost(x, steps, plan))
-    results = {}
+    found = {}
     for name, steps, change in (("pressed", 150, 1e-4), ("landed", STEPS, 1e-5)):  # an impact is far from linear
-        results[name] = flat(reverse(NUMBERS, steps))
-        results[f"{name}_central"] = central_differences(functools.partial(value, steps=steps), NUMBERS, change)
-    print(json.dumps(results))
-
-
-if __name__ == "__main__":
-    main()
+        found[name] = flat(reverse(NUMBERS, steps))
+        found[f"{name}_central"] = central_differences(functools.partial(value, steps=steps), NUMBERS, change)
+    return found

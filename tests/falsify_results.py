@@ -1,18 +1,12 @@
-"""Results of falsify that only real rollouts can show, as JSON: run by test_falsify.py in a process of its own.
-
-Of its own for the reason that ``gradient_worker`` gives.
-"""
+"""Results of falsify that only real rollouts can show, for test_falsify.py."""
 
 import dataclasses
-import json
-import sys
-from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
 import coopmm_jax as cm
 from coopmm_jax.scenario.variation import LOWEST
-from tests.workers import start_worker
 from tuning.cost.objective import TERMS
 from tuning.cost.problem import build_problem
 from tuning.studies import falsify as module
@@ -67,19 +61,18 @@ def replayed(found, problem, folder):
     return float(np.mean(error**2) * problem.cost.coefficients[list(TERMS).index("force")])
 
 
-def main():
-    """Print gradients, the course of a search by each kind of gradient, and what became of its scenario."""
-    start_worker()
+def results(folder):
+    """Gradients, the course of a search by each kind of gradient, and what became of its scenario."""
     scenario = cm.load_scenario("paper", **SCENARIO)
     problem = build_problem(scenario)
     found, again = (falsify(scenario, 80, 16) for _ in range(2))
     worst = worst_samples(problem, problem.space.start, 3, 80, 16)
     landscape = SampleCost(problem.cost, problem.variation, problem.space.start)
-    results = gradients(problem) | {
+    answers = gradients(problem) | {
         "cost": found.cost,
         "nominal_cost": found.nominal_cost,
-        "nominal_replayed": replayed(dataclasses.replace(found, scenario=scenario), problem, Path(sys.argv[1])),
-        "replayed": replayed(found, problem, Path(sys.argv[1])),
+        "nominal_replayed": replayed(dataclasses.replace(found, scenario=scenario), problem, folder),
+        "replayed": replayed(found, problem, folder),
         "certain": not found.scenario.uncertainty.entries(),
         "same": found == again,
         "random": float(module.random_costs(problem, 80).max()),
@@ -87,10 +80,6 @@ def main():
         "numbers": found.numbers,
         "worst": module.costs(problem.cost, landscape.vector, worst).tolist(),
     }
-    module.DIFFERENCES = 0
-    results["by_reverse"] = falsify(scenario, 80, 16, problem).cost
-    print(json.dumps(results))
-
-
-if __name__ == "__main__":
-    main()
+    with mock.patch.object(module, "DIFFERENCES", 0):
+        by_reverse = falsify(scenario, 80, 16, problem).cost
+    return answers | {"by_reverse": by_reverse}

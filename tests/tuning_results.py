@@ -1,9 +1,4 @@
-"""Results of tuning that only real rollouts can show, as JSON: run by test_objective.py in a process of its own.
-
-Of its own for the reason that ``gradient_worker`` gives.
-"""
-
-import json
+"""Results of tuning that only real rollouts can show, for test_objective.py."""
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +6,6 @@ import numpy as np
 
 from coopmm_jax.parameters import Gains
 from coopmm_jax.scenario.scenario import load_scenario
-from tests.workers import start_worker
 from tuning.cost import evaluate
 from tuning.cost.objective import TERMS
 from tuning.cost.problem import build_problem
@@ -36,9 +30,8 @@ KNOTS = {"schedule.times": [0.0, 0.03, 0.08]}  # of gains that change over time:
 KNOTS |= {"schedule.k2": [5.0, 8.0, 6.0], "tuning.gains": ["K_sigma", "K_lambda", "k2", "K_u"]}
 
 
-def main():
-    """Print gradient and central differences (n,), one candidate's costs alone and among eight others, and names."""
-    start_worker()
+def results():
+    """Gradient and central differences (n,), one candidate's costs alone and among eight others, and names."""
     problem = build_problem(load_scenario("sensed", **SCENARIO))
     search, space, samples = problem.cost, problem.space, problem.samples(5, 4)
     start = space.start
@@ -49,8 +42,8 @@ def main():
     weightings = np.outer([*np.linspace(0.1, 5.0, 8), 1.0], search.coefficients)  # one for each candidate
     among, slopes = evaluate.gradients(search.objective, others, samples, weightings)
     parameters = jax.tree.unflatten(samples.structure, list(jnp.asarray(samples.rows.T)))
-    plain = jax.vmap(search.objective.cost, in_axes=(None, 0, None))(start, parameters, search.coefficients)
-    results = {
+    plain = jax.jit(jax.vmap(search.objective.cost, in_axes=(None, 0, None)))(start, parameters, search.coefficients)
+    found = {
         "gradient": gradients[0].tolist(),
         "central": ((ahead - behind) / (2.0 * STEP)).T.tolist(),
         "alone": [costs[0].tolist(), gradients[0].tolist()],
@@ -60,7 +53,7 @@ def main():
         "terms": evaluate.evaluate(search.objective, start[None], samples).terms[0].tolist(),
         "single": evaluate.evaluate(search.objective, start[None], samples, "float32").terms[0].tolist(),
     }
-    print(json.dumps(results | _over_time()))
+    return found | _over_time()
 
 
 def _over_time():
@@ -72,7 +65,3 @@ def _over_time():
     costs, gradients = problem.slopes(moved, samples)
     ahead, behind = np.split(costs[1:], 2)
     return {"at_knots": [gradients[0].tolist(), ((ahead - behind) / (2.0 * step)).tolist(), problem.names]}
-
-
-if __name__ == "__main__":
-    main()
