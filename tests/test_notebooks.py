@@ -1,6 +1,5 @@
 """The notebooks run from a clean checkout, at small size, and are committed without what running them leaves behind."""
 
-import functools
 import os
 import re
 from pathlib import Path
@@ -19,34 +18,26 @@ SECONDS = 300  # of one cell, with every function compiled anew on a busy machin
 
 
 @pytest.fixture(scope="module")
-def kernels():
-    """Call that sets XLA's options -> client of a kernel, shared by the notebooks that ask for it.
+def kernel():
+    """Client of the kernel that all notebooks share: its imports and compiled programs, not names.
 
-    They share imports and compiled programs, not names. Of small size, with the compilation cache of the tests.
+    Of small size, with the compilation cache of the tests and their options of XLA.
     """
     environment = os.environ | {"COOPMM_SMALL": "1", "COOPMM_CACHE_DIR": jax.config.jax_compilation_cache_dir}
-    clients = []
-
-    def start(*options):
-        place = {"metadata": {"path": EXPERIMENTS / "notebooks"}}
-        clients.append(NotebookClient(nbformat.v4.new_notebook(), timeout=SECONDS, resources=place))
-        clients[-1].execute(env=environment, cleanup_kc=False)
-        return clients[-1]
-
-    yield functools.cache(start)
-    for client in clients:
-        with client.setup_kernel():  # which ends it
-            pass
+    place = {"metadata": {"path": EXPERIMENTS / "notebooks"}}
+    client = NotebookClient(nbformat.v4.new_notebook(), timeout=SECONDS, resources=place)
+    client.execute(env=environment, cleanup_kc=False)
+    yield client
+    with client.setup_kernel():  # which ends it
+        pass
 
 
 @each_notebook
-def test_runs(path, kernels):
-    text = path.read_text(encoding="utf-8")
-    notebook = nbformat.reads(text, as_version=4)
+def test_runs(path, kernel):
+    notebook = nbformat.reads(path.read_text(encoding="utf-8"), as_version=4)
     notebook.cells.insert(0, nbformat.v4.new_code_cell("%reset -f"))
-    client = kernels(*re.findall(r"use_fast_compilation\(.*?\)", text))
-    client.nb = notebook
-    client.execute(cleanup_kc=False)
+    kernel.nb = notebook
+    kernel.execute(cleanup_kc=False)
     outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     assert not [output.text for output in outputs if "Warning" in output.get("text", "")]
     assert any("image/png" in output.get("data", {}) for output in outputs)
@@ -72,6 +63,8 @@ def test_first_cell_says_what_is_compiled_and_how_large(path):
     first = next(cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code").source
     assert "runtime.use_compilation_cache()" in first
     assert '"COOPMM_SMALL" in os.environ' in first
+    others = path.read_text(encoding="utf-8").count("use_fast_compilation(") - first.count("use_fast_compilation(")
+    assert others == 0, "it comes too late after the first computation"
 
 
 def test_readme_lists_every_experiment_once():
