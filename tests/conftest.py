@@ -28,7 +28,10 @@ jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 # Files that take longest, first, so that two workers end together. test_objective.py finds compiled what
 # test_readme.py has compiled.
-_LONGEST = ("notebooks", "readme", "falsify", "gradients", "actuators", "objective", "compare", "sweep")
+_LONGEST = (
+    *("readme", "notebooks", "sweep", "objective", "compare", "path_motion", "faults_damage", "tuning", "gradients"),
+    *("compliant_contact", "falsify", "fuzz", "actuators", "lyapunov", "plant"),
+)
 
 
 def pytest_collection_modifyitems(items):

@@ -1,6 +1,5 @@
 """Motion along paths: figures of the study, kinematics of the reference, proof and energy along a figure of eight."""
 
-import json
 from functools import partial
 
 import jax
@@ -17,11 +16,10 @@ from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.disturbance import disturbing
 from coopmm_jax.parameters import Gains, Parameters, PathReference, Rail, Structure
 from coopmm_jax.proof.terms import proof_terms
-from tests import path_worker
+from tests import path_results
 from tests.beside_a_path import EIGHT, FULL, eight, ellipse
 from tests.oracles import lagrangian
 from tests.samples import poses
-from tests.workers import run_worker
 
 # z1 z2 z3 a1 a2 a3 of both robots after one second.
 ON_THE_ELLIPSE = [
@@ -204,8 +202,8 @@ def test_aims_computed_ahead_change_nothing(along_the_ellipse):
 
 def test_gradients_over_a_rollout_by_path_rail_timing_and_gains():
     """Reverse mode against differences of sixth order; with ideal sensing the desired force changes no motion."""
-    found = json.loads(run_worker(path_worker))
-    for name, exact, difference in zip(path_worker.CHANGES, found["reverse"], found["central"], strict=True):
+    found = path_results.results()
+    for name, exact, difference in zip(path_results.CHANGES, found["reverse"], found["central"], strict=True):
         if name == "force":
             assert exact == 0.0
         else:

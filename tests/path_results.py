@@ -1,9 +1,4 @@
-"""Gradients along the figure of eight over 0.3 s, as JSON: run by test_path_motion.py in a process of its own.
-
-Of its own for the reason that gradient_worker.py gives.
-"""
-
-import json
+"""Gradients along the figure of eight over 0.3 s, for test_path_motion.py."""
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +7,6 @@ import numpy as np
 from coopmm_jax.kinds.surfaces import Conic
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from tests.beside_a_path import EIGHT, FULL, eight
-from tests.workers import start_worker
 
 STEP, STEPS = 1e-3, 300
 # Numbers that are moved, and by how much in differences: truncation and rounding are both below 1e-9 there.
@@ -47,16 +41,11 @@ def cost(x):
     return run.total + sum(0.5 * p.z1 + p.z2 + 0.3 * p.z3 + p.a1 for p in run.state.position)
 
 
-def main():
-    """Print the slopes by each of CHANGES by reverse mode, and by differences of sixth order."""
-    start_worker()
+def results():
+    """The slopes by each of CHANGES by reverse mode, and by differences of sixth order."""
     both, zero = jax.jit(jax.value_and_grad(cost)), np.zeros(len(CHANGES))
     central = [
         sum(w * float(both(zero + k * h * unit)[0]) for k, w in zip(OFFSETS, WEIGHTS, strict=True)) / h
         for h, unit in zip(CHANGES.values(), np.eye(len(CHANGES)), strict=True)
     ]
-    print(json.dumps({"reverse": both(zero)[1].tolist(), "central": central}))
-
-
-if __name__ == "__main__":
-    main()
+    return {"reverse": both(zero)[1].tolist(), "central": central}
