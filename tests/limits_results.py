@@ -56,5 +56,5 @@ def by_forward_mode(form):
 
 
 def results():
-    """What each form of limits gives."""
+    """Slopes and costs under each form of limits."""
     return {"hard": by_forward_mode("hard"), "smooth": by_reverse_mode("smooth")}
