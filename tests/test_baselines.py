@@ -1,4 +1,6 @@
-"""The controllers that the paper's is compared with: a second derivation, closed forms, gradients, both loops."""
+"""The controllers that the paper's is compared with: a second derivation, closed forms, slopes, both loops."""
+
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -6,8 +8,9 @@ import numpy as np
 import pytest
 
 from coopmm_jax.control.controller import Freedom, Seen, known_to_controller, recorded
+from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.baselines import ComputedTorque, ModelBased, Pid, RobustFixed, SlidingMode
-from coopmm_jax.kinds.controllers import gains_of, name_of, signals_of
+from coopmm_jax.kinds.controllers import gains_of, lateral, name_of, signals_of
 from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.form import Scalars
 from coopmm_jax.loop.sampled_loop import sampled_step
@@ -15,6 +18,8 @@ from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import ALL_ROWS, Structure
+from coopmm_jax.proof.lyapunov import analyse
+from coopmm_jax.scenario.scenario import load_scenario
 from tests.oracles import baselines
 from tests.samples import assert_close, joined, vector
 from tests.test_control import Case, T
@@ -138,3 +143,16 @@ def test_sampled_loop_moves_the_state_by_one_step_of_its_rates(case):
     expected = before + period * vector(jax.tree.leaves(rates.controller))
     assert_close(vector(jax.tree.leaves(after.controller)), expected, 1e-14)
     assert_close(joined(sampled.torque), joined(signals.torque), 1e-14)
+
+
+def test_proof_is_about_the_papers_controller_alone():
+    run = SimpleNamespace(scenario=load_scenario("paper", law={"controller": "pid"}))
+    with pytest.raises(
+        UserError, match=r"^law.controller: must be robust_adaptive, which the proof is about, was pid$"
+    ):
+        analyse(run)
+
+
+def test_lateral_errors_decay_by_the_gain_that_a_controller_names():
+    assert [lateral(made(k2=0.25)) for made in BASELINES] == [0.25] * 5
+    assert lateral(()) == 0.0
