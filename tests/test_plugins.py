@@ -72,6 +72,7 @@ def registered(monkeypatch):
     """A registry that forgets what the test registers."""
     monkeypatch.setattr(registry, "_KINDS", {group: dict(kinds) for group, kinds in registry._KINDS.items()})
     monkeypatch.setattr(plugins, "_loaded", {})
+    monkeypatch.setattr(plugins, "_contents", {})
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[:60])
