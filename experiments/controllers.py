@@ -28,7 +28,7 @@ from matplotlib.figure import Figure
 
 from coopmm_jax.files import write_csv, write_text
 from coopmm_jax.metrics.table import METRICS
-from coopmm_jax.plotting.style import legend, panels, pen, publish, styled
+from coopmm_jax.plotting.style import panels, pen, publish, styled
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.sections.controller import all_controllers
 from tuning.reports.compare import switches, table
@@ -144,7 +144,7 @@ def picture(rows: Sequence[Row], axes: Any = None) -> Figure:
     """Share of robots that meet all requirements, and median late force error, over the multiple of the uncertainty."""
     names = list(dict.fromkeys(row.scenario for row in rows))
     layout = [[f"{kind} {name}" for name in names] for kind in ("met", "force")]
-    figure, all_axes = panels(axes, layout, height=4.6)
+    figure, all_axes = panels(axes, layout, height=5.2)
     by: Mapping[str, Any] = dict(zip((panel for line in layout for panel in line), all_axes, strict=True))
     unit = METRICS["force_error_rms_late"].unit
     for name in names:
@@ -155,13 +155,15 @@ def picture(rows: Sequence[Row], axes: Any = None) -> Figure:
             share.plot(factors, [row.met / row.robots for row in own], label=label, **pen(i))
             force.plot(factors, [row.medians[0] for row in own], label=label, **pen(i))
         share.set(title=name, ylim=(-0.03, 1.03), xscale="log")
-        force.set(xlabel="uncertainty, times that tuned for", xscale="log", yscale="log")
+        force.set(xscale="log", yscale="log")
         for panel in (share, force):
             panel.set_xticks(FACTORS, [f"{factor:g}" for factor in FACTORS])
             panel.minorticks_off()
     by[f"met {names[0]}"].set_ylabel("robots that meet all")
     by[f"force {names[0]}"].set_ylabel(f"late force error [{unit}]")
-    legend(by[f"met {names[-1]}"])
+    figure.supxlabel("uncertainty, times that which was tuned for", fontsize="medium")
+    handles, labels = by[f"met {names[0]}"].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3)
     return figure
 
 

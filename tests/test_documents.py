@@ -12,6 +12,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = (
     "README.md",
     "docs/controllers.md",
+    "docs/controllers_study.md",
     "docs/plugins.md",
     "docs/start.md",
     "docs/surfaces.md",
