@@ -114,6 +114,7 @@ def test_sections_that_are_refused(changes, message):
         ({"reference.path": {"kind": "open", "x": [0.0, 0.0, 1.0], "y": [0.0, 0.0]}}, "a path that moves on"),
         ({"reference.path": {"kind": "open", "x": [0.0, 3.0], "y": [0.0, 0.0]}}, "within the open path's phases"),
         ({"reference.timing": {"kind": "rate", "rate": 1e4}}, "slow enough for"),
+        ({"reference.force": {"kind": "sine", "mean": 1e300}}, "N to either side, was up to 1e"),
     ],
 )
 def test_references_that_cannot_be_followed(changes, message):

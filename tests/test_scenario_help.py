@@ -142,17 +142,10 @@ def test_help_of_a_command_is_its_own(capsys):
 
 
 def test_what_tells_computes_nothing():
-    """No import of JAX, the package as a program, less than half a second of CPU time each."""
-    code = (
-        "import resource, sys; from coopmm_jax.cli import main; main(sys.argv[1:]); assert 'jax' not in sys.modules; "
-    )
-    code += "print(resource.getrusage(resource.RUSAGE_SELF).ru_utime, file=sys.stderr)"
-    seconds = []
+    """No import of JAX, which takes longer than all the rest; the package as a program."""
+    code = "import sys; from coopmm_jax.cli import main; main(sys.argv[1:]); assert 'jax' not in sys.modules"
     for words in QUICK:
-        run = [sys.executable, "-c", code, *words]
-        done = subprocess.run(run, capture_output=True, text=True, check=True)
-        seconds.append(float(done.stderr))
-    assert min(seconds) < 0.5
+        subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
     done = subprocess.run([sys.executable, "-m", "coopmm_jax", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("coopmm ")
 

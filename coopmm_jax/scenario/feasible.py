@@ -26,6 +26,7 @@ SLOWEST = 1e-6  # |dr/dp| of a path [m]
 FLATTEST = 0.2  # |n . e1|, cosine between arm I and the normal of the object's surface
 ROUNDING = 1e-9  # of a surface's level [m]
 PERSISTENT = 5.0  # exp(-5) of a lateral error is left after a run
+STRONGEST = 1e9  # [N], far beyond what any arm can press, and small enough for squares to be summed
 LONG = 5.0  # [s] of a run in which errors are meant to settle
 
 
@@ -41,6 +42,7 @@ class Course(NamedTuple):
     incidence: np.ndarray  # n . e1
     distance: np.ndarray  # of the desired contact point from the object's surface [m]
     height: np.ndarray  # of the object [m]
+    force: np.ndarray  # desired contact force [N]
 
 
 def check_reference(scenario: Scenario) -> None:
@@ -48,8 +50,8 @@ def check_reference(scenario: Scenario) -> None:
 
     Raises:
         UserError: a path that stands still in its parameter or is left at an end, a contact point out of reach or
-            behind the surface's edge, speeds beyond [rad/s, m/s] of ``status.SPEED_LIMIT``, or gains that change with a
-            phase that does not.
+            behind the surface's edge, speeds beyond [rad/s, m/s] of ``status.SPEED_LIMIT``, forces beyond any that
+            arms press with [N], or gains that change with a phase that does not.
 
     Warns:
         Notice: of too little turning, and how well a path fits the points that it was made from.
@@ -67,6 +69,9 @@ def check_reference(scenario: Scenario) -> None:
     fastest = max(np.abs(course.turn).max(), course.speed.max())
     if not fastest < SPEED_LIMIT:
         raise UserError("reference.timing", f"slow enough for {SPEED_LIMIT:g} rad/s and m/s", f"up to {fastest:.3g}")
+    strongest = np.abs(course.force).max()
+    if not strongest < STRONGEST:
+        raise UserError("reference.force", f"less than {STRONGEST:g} N to either side", f"up to {strongest:.3g}")
     deviation = getattr(parameters.reference.path, "deviation", None)
     if deviation is not None:
         text = f"reference.path: its curve is up to {1e3 * deviation:.2g} mm away from the spline through its points"
@@ -136,7 +141,7 @@ def _sample(parameters: Parameters, t: Any) -> tuple[Any, ...]:
     height = current(parameters.plant.surface.guide_height, t)
     fastest = functools.reduce(jnp.maximum, speeds)
     stretch = frame(reference.path, phase).stretch
-    return phase, stretch, aim.turn.value, fastest, aim.reach.value, incidence, distance, height
+    return phase, stretch, aim.turn.value, fastest, aim.reach.value, incidence, distance, height, aim.force
 
 
 def _check_surface(shape: Any) -> None:
