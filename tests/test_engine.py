@@ -2,7 +2,9 @@
 
 import multiprocessing
 import pickle
+import threading
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from http.server import HTTPServer, SimpleHTTPRequestHandler
 
 import jax
 import numpy as np
@@ -113,7 +115,16 @@ def test_a_pool_that_forks_is_refused():
         pass
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "local:0", "local:many"])
+def test_what_answers_and_is_no_scheduler_is_one_line(monkeypatch):
+    monkeypatch.setattr(dask, "_PATIENCE", 5.0)
+    with HTTPServer(("127.0.0.1", 0), SimpleHTTPRequestHandler) as server:
+        threading.Thread(target=server.handle_request, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.server_port}"
+        with pytest.raises(UserError, match="--dask: must be the address of a Dask scheduler"), dask.connected(address):
+            pass
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "local:0", "local:many", "head:99999"])
 def test_an_address_without_a_scheduler_is_one_line(monkeypatch, capsys, tmp_path, address):
     monkeypatch.setattr(dask, "_PATIENCE", 0.5)
     command = ["sweep", "sensed", "--dask", address, "--out", str(tmp_path / "never.zarr")]

@@ -6,6 +6,7 @@ with connected("local:4") as executor:
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import re
@@ -17,7 +18,10 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.software import versions
 
 OPTION = "--dask"
+_MUST = "the address of a Dask scheduler, as tcp://head:8786, or local:N"
 _LOCAL = re.compile(r"local:([1-9]\d{0,3})")
+# A scheme of Dask's, a host, a port.
+_ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|wss?)://)?(?:\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
 _PATIENCE = 10.0  # [s] for a scheduler to answer, and for it to have a worker
 
 
@@ -38,14 +42,14 @@ def connected(address: str) -> Iterator[Executor]:
         raise UserError(OPTION, "used where coopmm_jax[cluster] is installed", "used without Dask") from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is told by the errors below
     with contextlib.ExitStack() as stack:
-        local = _LOCAL.fullmatch(address)
+        local, remote = _LOCAL.fullmatch(address), _ADDRESS.fullmatch(address)
         if local:
             address = stack.enter_context(_cluster(int(local[1])))
-        try:
-            client = stack.enter_context(distributed.Client(address, timeout=_PATIENCE, set_as_default=False))
-        except (OSError, TimeoutError, ValueError, TypeError) as error:
-            must = "the address of a Dask scheduler, as tcp://head:8786, or local:N"
-            raise UserError(OPTION, must, f"{address} ({error})") from None
+        elif address.startswith("local:") or remote is None or not 0 < int(remote[1]) < 2**16:
+            raise UserError(OPTION, _MUST, address or "empty")
+        else:
+            _check_scheduler(address)
+        client = stack.enter_context(distributed.Client(address, timeout=_PATIENCE, set_as_default=False))
         _check_workers(client, address)
         # What a killed worker was computing goes to another, up to the scheduler's own limit.
         yield client.get_executor(pure=False)
@@ -57,6 +61,20 @@ def _cluster(workers: int) -> Any:
     # One thread each: a batch keeps one core busy, and processes share none of Python's time.
     settings: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
     return distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **settings)
+
+
+def _check_scheduler(address: str) -> None:
+    """Ask before a client does: one that finds no scheduler fails once more when Python ends."""
+    import distributed
+
+    async def identity() -> Any:
+        async with distributed.rpc(address) as scheduler:
+            return await asyncio.wait_for(scheduler.identity(), _PATIENCE)
+
+    try:
+        asyncio.run(identity())
+    except Exception as error:  # whatever it is that answers there, if anything does
+        raise UserError(OPTION, _MUST, f"{address} ({type(error).__name__}: {error})") from None
 
 
 def _check_workers(client: Any, address: str) -> None:
