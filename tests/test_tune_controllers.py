@@ -41,6 +41,8 @@ def test_each_is_tuned_for_the_same_cost_with_the_same_budget(folder, capsys):
         rows = list(csv.DictReader((folder / "tuned" / name / "history.csv").read_text().splitlines()))
         assert float(rows[-1]["best"]) < float(rows[0]["best"])
         assert (folder / "tuned" / name / "report.txt").exists()
+        page = json.loads((folder / "tuned" / name / "page.json").read_text())
+        assert (folder / "tuned" / name / "scenario.toml").read_text() in page.values()  # that which was tuned
         assert name in table
     found = json.loads((folder / "tuned" / "compare.json").read_text())["values"]["cost, mean"]
     assert list(found) == NAMES

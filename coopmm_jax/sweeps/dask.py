@@ -1,7 +1,9 @@
 """Dask's workers as an executor: those of a scheduler, or some started here.
 
-with connected("local:4") as executor:
-    sweep("sensed", out="sensed.zarr", executor=executor)
+    with connected("local:4") as executor:
+        sweep("sensed", out="sensed.zarr", executor=executor)
+
+What goes to them and comes back is told in ``engine.py``.
 """
 
 from __future__ import annotations

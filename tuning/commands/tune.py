@@ -107,6 +107,7 @@ def _controllers(scenario: Scenario, options: argparse.Namespace) -> int:
     from tuning.commands.progress import Progress
     from tuning.reports import compare, tune  # slow to import, as the next
     from tuning.studies.controllers import tune_controllers
+    from tuning.studies.state import SETTINGS
 
     target = resolve_path(options.out, "--out")
     limit = math.inf if options.time_budget is None else options.time_budget
@@ -117,7 +118,7 @@ def _controllers(scenario: Scenario, options: argparse.Namespace) -> int:
         tuned = tune_controllers(scenario, names, target, options.resume, *told)
         for name, result in tuned.results.items():
             with result_folder(target / name) as folder:
-                tune.write_report(folder, result)
+                tune.write_report(folder, result, load_scenario(target / name / SETTINGS))
         with result_folder(target) as folder:
             compare.write_report(folder, tuned.compared)
     print(compare.table(tuned.compared), end="")
