@@ -15,6 +15,8 @@ import jax
 import numpy as np
 
 from coopmm_jax import runtime
+from coopmm_jax.algebra.derivative import derivatives
+from coopmm_jax.control import chain
 from coopmm_jax.control.backstepping import backstepping_errors, reference_velocity
 from coopmm_jax.control.reference import Desired
 from coopmm_jax.loop.closed_loop import closed_loop
@@ -111,6 +113,41 @@ def backstepping() -> Figures:
     }
 
 
+def longer_chain() -> Figures:
+    """Equations (26) and (32) at n_v = 4 by differentiation along (8), at u_d1 = 1.5: which power of u_d1 agrees."""
+    k, k0, eta, utilde = (2.0, 0.7, 1.1, 0.9), 1.3, 0.05, (0.1, 0.2)
+    zeta, target = (0.1, 0.5, 0.9, -0.3), (0.3, 0.2, -0.4, 0.6)
+
+    def along(t: Any, zeta: Any, target: Any) -> chain.Chain:
+        u_d1 = derivatives(lambda t: 1.5 + 0.6 * t - 0.1 * t * t, t, 2)
+        return chain.Chain(zeta, tuple(x - y for x, y in zip(zeta, target, strict=True)), u_d1, 0.25)
+
+    def energy(eta: Any, *at: Any) -> Any:
+        return chain.stored(k, along(*at)) + 0.5 * eta * eta
+
+    with jax.enable_x64(True):
+        now = along(0.0, zeta, target)
+        (z1, z2), Lambda = chain.platform_velocity(k, now, eta), chain.signal(k, now)
+        eta_rate, w, u_d1 = -k0 * eta - Lambda[0], eta + utilde[0], now.u1[0]
+        u, u_d = (z1 + utilde[0], z2 + utilde[1]), (u_d1, now.u2)
+        moved = [(v[0], v[0] * x[2], v[0] * x[3], v[1]) for v, x in ((u, zeta), (u_d, target))]
+        at, moving = jax.tree.map(np.float64, ((eta, 0.0, zeta, target), (eta_rate, 1.0, *moved)))
+        s, s_rate = jax.jvp(lambda *at: chain.errors(k, along(*at)), at[1:], moving[1:])
+        V1_rate = jax.jvp(energy, at, moving)[1]
+        s, s_rate, V1_rate, Lambda, w, u_d1 = jax.tree.map(float, (s, s_rate, V1_rate, Lambda, w, u_d1))
+    s2_rate, crossing = w * zeta[2] + s[2] * u_d1, utilde[0] * Lambda[0] + utilde[1] * Lambda[1]
+    middle, ends = 0.7 * s[1] ** 2 + 1.1 * s[2] ** 2, 0.9 * s[3] ** 2 + k0 * eta**2
+
+    def off(power: int) -> list[float]:
+        factor = u_d1**power
+        return [s_rate[1] - (s2_rate - 0.7 * s[1] * factor), V1_rate - crossing + middle * factor + ends]
+
+    return {
+        "(26) and (32) with u_d1^(2 l), as (40)": off(2 * (len(zeta) - 2)),
+        "(26) and (32) with u_d1^2, as printed": off(2),
+    }
+
+
 def robust_term() -> Figures:
     """Left less right side of (34) in one dimension: Mr = beta = lam_min = 1, c = 0, chat 2, f |sigma| 10, delta 1."""
     c_hat, delta, push = 2.0, 1.0, 10.0  # push = f |sigma|
@@ -142,7 +179,8 @@ def u26() -> Figures:
 
 
 CHECKS: dict[str, Callable[[], Figures]] = {
-    check.__name__: check for check in (reference, start, coriolis, backstepping, robust_term, u26, *paper_runs.CHECKS)
+    check.__name__: check
+    for check in (reference, start, coriolis, backstepping, longer_chain, robust_term, u26, *paper_runs.CHECKS)
 }
 
 

@@ -25,6 +25,7 @@ EQUATIONS = {
     "control.reference": ("(6), (12), (13)", "desired motion and force"),
     "control.path_motion": ("(8)", "desired motion beside any path"),
     "control.backstepping": ("(12)-(15)", "reference velocity z, errors s, filter eta"),
+    "control.chain": ("(12)-(15), (31), (32)", "the same for chains of any length n_v"),
     "control.motion": ("(8), (12), (13), (15), (17)-(19)", "sigma, nu and the law U1 + U2"),
     "control.force": ("(17)", "force feed-forward and feedback lambda_h"),
     "control.adaptive": ("(19)-(24)", "robust term U2 and the adapted bounds chat"),

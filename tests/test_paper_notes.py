@@ -57,6 +57,12 @@ def test_backstepping_holds_in_one_reading():
     assert [wrong_26, *wrong_27] == pytest.approx([-0.3, 0.225, 0.1125, 0.375], rel=1e-13)
 
 
+def test_longer_chains_need_a_higher_power():
+    right, printed = values("longer_chain")
+    assert right == pytest.approx([0.0, 0.0], abs=1e-13)
+    assert printed == pytest.approx([-0.590625, -12.660705], abs=1e-6)
+
+
 def test_34_holds_in_one_reading():
     assert values("robust_term") == pytest.approx([-1 / 21, 9 / 11], rel=1e-13)
 

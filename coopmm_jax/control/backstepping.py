@@ -1,4 +1,4 @@
-"""Kinematic control of one robot in chained form, (12)-(15) at n_v = 3.
+"""Kinematic control of one robot in chained form, (12)-(15) at n_v = 3; ``chain`` has them for any n_v.
 
 With e = zeta - zeta_d the backstepping errors are s1 = e1, s2 = e2, s3 = e3 + k2 s2 u_d1; the reference velocities
 z = (z_b1, z_b2, z_a) would drive them to zero if u followed z exactly.
