@@ -28,6 +28,10 @@ if TYPE_CHECKING:  # for editors; at run time ``__getattr__`` fetches each of th
     from coopmm_jax.status import Status
     from coopmm_jax.sweeps.replay import replay
     from coopmm_jax.sweeps.run import sweep
+    from coopmm_jax.sweeps.store import open_sweep
+    from tuning.studies.compare import compare_gains as compare
+    from tuning.studies.falsify import falsify
+    from tuning.studies.tune import tune
 
 __version__ = "0.2.0"
 __all__ = [
@@ -36,9 +40,12 @@ __all__ = [
     "Trajectory",
     "UserError",
     "animate",
+    "compare",
+    "falsify",
     "list_scenarios",
     "load_plugin",
     "load_scenario",
+    "open_sweep",
     "overview",
     "quantity",
     "read_run",
@@ -46,6 +53,7 @@ __all__ = [
     "replay",
     "simulate",
     "sweep",
+    "tune",
 ]
 
 # No module may have the name of a function here: importing it would put the module in the function's place.
@@ -58,6 +66,7 @@ _MODULE_OF = {
     "list_scenarios": "scenario.scenario",
     "load_plugin": "plugins",
     "load_scenario": "scenario.scenario",
+    "open_sweep": "sweeps.store",
     "overview": "plotting",
     "quantity": "kinds.registry",
     "read_run": "runs.store",
@@ -66,11 +75,20 @@ _MODULE_OF = {
     "simulate": "runs.simulation",
     "sweep": "sweeps.run",
 }
+# Studies of the package tuning, which builds on this one: nothing here imports it before one of them is asked for.
+_STUDIES = {
+    "compare": ("tuning.studies.compare", "compare_gains"),
+    "falsify": ("tuning.studies.falsify", "falsify"),
+    "tune": ("tuning.studies.tune", "tune"),
+}
 
 runtime.use_small_while_loops()
 
 
 def __getattr__(name: str) -> Any:
+    if name in _STUDIES:
+        module, function = _STUDIES[name]
+        return getattr(import_module(module), function)
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)

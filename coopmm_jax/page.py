@@ -79,28 +79,28 @@ def write_page(folder: Path, page: Page, name: str = REPORT) -> None:
     write_text(folder / name, html(page, folder))
 
 
-def keep_page(folder: Path, page: Page) -> None:
+def keep_page(folder: Path, page: Page, name: str = CONTENT) -> None:
     """Write what the page is made of, for ``read_page``."""
     kinds = {made: kind for kind, made in _PARTS.items()}
     parts = [{"kind": kinds[type(part)]} | part._asdict() for part in page.parts]
-    write_json(folder / CONTENT, page._asdict() | {"parts": parts})
+    write_json(folder / name, page._asdict() | {"parts": parts})
 
 
-def read_page(folder: Path) -> Page:
-    """Content of the page of a folder of ``coopmm tune`` or ``coopmm compare``.
+def read_page(path: Path) -> Page:
+    """Content of a page, from the file that ``keep_page`` has written.
 
     Raises:
-        UserError: the folder has none, or one that is damaged.
+        UserError: it is damaged, or another file.
     """
     try:
-        found = read_json(folder / CONTENT)
+        found = read_json(path)
         parts = [_PARTS[part.pop("kind")](**part) for part in found.pop("parts")]
         page = Page(parts=parts, **found)
-        html(page, folder)
+        html(page, path.parent)
         return page
     except (AttributeError, KeyError, OSError, TypeError, ValueError) as error:
-        must = "the store of a sweep, or a folder of coopmm tune or compare"
-        raise UserError("STORE|DIR", must, f"{folder} ({error})") from None
+        must = "the store of a sweep, a folder of coopmm tune or compare, or a file of coopmm falsify"
+        raise UserError("STORE|DIR|FILE", must, f"{path} ({error})") from None
 
 
 def html(page: Page, folder: Path) -> str:

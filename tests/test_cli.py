@@ -105,6 +105,7 @@ def test_results_are_written(simulation, tmp_path, capsys):
     assert main(["simulate", "paper", "--gains.k0", "4", "--out", str(out)]) == 0
     assert f"written to {out}" in capsys.readouterr().out
     assert sorted(path.name for path in out.iterdir()) == [
+        "metrics.csv",
         "overview.png",
         "scenario.toml",
         "summary.json",

@@ -92,7 +92,7 @@ def test_command_prints_and_writes(answer, files):
     assert code == 0
     assert compare.table(compared) in printed
     names = {"compare.txt", "compare.json", "compare.csv", "costs.png", "bands.png", "requirements.png"}
-    names |= {"report.html", "page.json"}
+    names |= {"costs.csv", "requirements.csv", "report.html", "page.json"}
     assert {path.name for path in out.iterdir()} == names
     rows = list(csv.DictReader((out / "compare.csv").read_text().splitlines()))
     assert [(row["sample"], row["gains"]) for row in rows[:4]] == [*(("0", x) for x in compared.labels), ("1", OWN)]

@@ -1,5 +1,7 @@
 """The search for the worst sample: closed-form costs in place of rollouts, then real ones in a process of their own."""
 
+import csv
+
 import jax
 import numpy as np
 import pytest
@@ -187,6 +189,12 @@ def test_command_prints_numbers_and_writes_the_scenario(failing, tmp_path, capsy
     page = Reading(out.with_suffix(".html").read_text())
     assert ["plant.m_p", "4", "4.8"] in page.rows
     assert len([row for row in page.rows if "random samples" in row[0]]) == 1
+    rows = list(csv.DictReader(out.with_suffix(".csv").read_text().splitlines()))
+    assert ("plant.m_p", "4.0") in [(row["number"], row["scenario"]) for row in rows]
+    before = out.with_suffix(".html").read_bytes()
+    out.with_suffix(".html").unlink()
+    assert cli.main(["report", str(out)]) == 0
+    assert out.with_suffix(".html").read_bytes() == before
     written = load_scenario(out)
     assert written.plant.m_p == (4.8, 4.8) or written.plant.m_p == pytest.approx(4.8)
     assert written.uncertainty.entries() == ()

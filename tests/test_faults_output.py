@@ -21,6 +21,7 @@ from tests.stand_in import StandIn
 
 CHECKOUT = Path(coopmm_jax.__file__).parents[1]
 SHORT = ["--simulation.duration", "0.2"]
+WRITTEN = ["metrics.csv", "scenario.toml", "summary.json", "trajectory.npz"]
 
 
 @pytest.fixture
@@ -80,7 +81,7 @@ def test_a_figure_that_fails_is_one_warning_and_leaves_no_older_one(simulation, 
     assert main(["simulate", "paper", "--gains.k0", "4", "--out", str(tmp_path), "--overwrite"]) == 0
     said = "coopmm: warning: overview.png was left out (ZeroDivisionError: division by zero)\n"
     assert capsys.readouterr().err == said
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["scenario.toml", "summary.json", "trajectory.npz"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == WRITTEN
     assert json.loads((tmp_path / "summary.json").read_text())["scenario"]["gains"]["k0"] == 4.0
 
 
@@ -88,7 +89,7 @@ def test_a_run_beyond_all_axes_is_kept(tmp_path, capsys):
     enormous = ["--reference.contact-force", "1e308"]
     assert main(["simulate", "paper", *SHORT, *enormous, "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().err.startswith("coopmm: warning: overview.png was left out (ValueError: ")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["scenario.toml", "summary.json", "trajectory.npz"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == WRITTEN
 
 
 def test_figures_have_settings_of_their_own(simulated_paper, tmp_path):

@@ -2,6 +2,8 @@
 
 import ast
 import pkgutil
+import subprocess
+import sys
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -22,11 +24,18 @@ def test_editors_are_told_the_names_that_are_fetched_when_used(package):
     """The imports for type checkers alone are those that ``__getattr__`` makes."""
     tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
     (block,) = (node for node in tree.body if isinstance(node, ast.If))
-    told = {alias.name: node.module for node in block.body for alias in node.names}
+    told = {alias.asname or alias.name: (node.module, alias.name) for node in block.body for alias in node.names}
     assert sorted(told) == package.__all__
     assert {name: getattr(package, name) for name in told} == {
-        name: getattr(import_module(module), name) for name, module in told.items()
+        name: getattr(import_module(module), there) for name, (module, there) in told.items()
     }
+
+
+def test_importing_the_package_imports_neither_jax_nor_the_tuner():
+    """The studies among its names come from the package tuning, which builds on this one."""
+    heavy = "{'jax', 'tuning', 'numpy', 'xarray', 'matplotlib'}"
+    code = f"import sys, coopmm_jax as cm; assert 'tune' in dir(cm); print({heavy} & set(sys.modules))"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "set()\n"
 
 
 def test_no_module_takes_a_functions_name():

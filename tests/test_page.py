@@ -69,7 +69,7 @@ def test_report_makes_it_again(folder, capsys):
     keep_page(folder, PAGE)
     write_page(folder, PAGE)
     before = (folder / REPORT).read_bytes()
-    assert read_page(folder) == PAGE._replace(parts=[part._replace(**_lists(part)) for part in PAGE.parts])
+    assert read_page(folder / CONTENT) == PAGE._replace(parts=[part._replace(**_lists(part)) for part in PAGE.parts])
     (folder / REPORT).unlink()
     assert main(["report", str(folder)]) == 0
     assert (folder / REPORT).read_bytes() == before
@@ -87,9 +87,9 @@ def test_report_makes_it_again(folder, capsys):
 def test_what_is_no_page_is_refused(folder, content):
     (folder / CONTENT).write_text(content)
     with pytest.raises(
-        UserError, match=r"^STORE\|DIR: must be the store of a sweep, or a folder of coopmm tune or comp"
+        UserError, match=r"^STORE\|DIR\|FILE: must be the store of a sweep, a folder of coopmm tune or comp"
     ):
-        read_page(folder)
+        read_page(folder / CONTENT)
 
 
 def _lists(part):

@@ -22,15 +22,17 @@ def add(commands: Subparsers) -> None:
     """Declare the subcommand."""
     parser = commands.add_parser(
         "report",
-        help="report on a sweep's store, or make the page of a tuning or comparison again",
-        usage='coopmm report (STORE [--requirements.METRIC "<= LIMIT" ...] | DIR) [--out DIR]',
+        help="report on a sweep's store, or make the page of a tuning, a comparison or falsify again",
+        usage='coopmm report (STORE [--requirements.METRIC "<= LIMIT" ...] | DIR | FILE.toml) [--out DIR]',
         allow_abbrev=False,
     )
     parser.add_argument(
-        "store", metavar="STORE|DIR", help="the zarr store of a sweep, complete or not; a folder of tune or compare"
+        "store",
+        metavar="STORE|DIR|FILE",
+        help="the zarr store of a sweep, complete or not; a folder of tune or compare; a scenario of falsify",
     )
     parser.add_argument(
-        "--out", metavar="DIR", help="folder for the report (default: STORE's name with -report, or DIR itself)"
+        "--out", metavar="DIR", help="folder for the report (default: STORE's name with -report, else where it was)"
     )
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=False)
 
@@ -42,32 +44,35 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         UserError: an override of anything else, no sweep's store, or a folder that cannot be written.
     """
     source = resolve_path(options.store, "store")
-    if (source / CONTENT).exists():
-        return _again(source, source if options.out is None else resolve_path(options.out, "--out"), changes)
+    kept = source.with_suffix(".json") if source.suffix == ".toml" else source / CONTENT
+    if kept.exists() or source.suffix == ".toml":
+        folder = kept.parent if options.out is None else resolve_path(options.out, "--out")
+        return _again(kept, folder / (REPORT if kept.name == CONTENT else f"{source.stem}.html"), changes)
     for name in changes:
         if not name.startswith("requirements."):
             raise UserError(f"--{name}", "one of --requirements.METRIC, which alone can be changed after a sweep", name)
     from coopmm_jax.sweeps import store as sweep_store  # imports zarr
+    from coopmm_jax.sweeps.statistics import damaged
 
-    data = sweep_store.read_store(options.store)
+    data = sweep_store.open_sweep(options.store)
     scenario = sweep_store.scenario_of(data).with_overrides(changes)
     folder = report_folder(options.store) if options.out is None else resolve_path(options.out, "--out")
     publish_and_print(folder, data, scenario)
     print(f"written to {folder}")
-    if damaged := data.attrs["damaged"]:
+    if spoilt := damaged(data):
         must = "whole (coopmm sweep --resume computes the rest again)"
-        raise UserError("store", must, f"{options.store} ({'; '.join(damaged.values())})")
+        raise UserError("store", must, f"{options.store} ({'; '.join(spoilt)})")
     return DONE
 
 
-def _again(source: Path, folder: Path, changes: dict[str, Any]) -> int:
-    """Make the page of a tuning or of a comparison again, from what it kept."""
+def _again(kept: Path, path: Path, changes: dict[str, Any]) -> int:
+    """Make the page of a tuning, of a comparison or of falsify again, from what it kept."""
     for name in changes:
         raise UserError(f"--{name}", "left out where no sweep is reported on", "given")
-    page = read_page(source)
-    with result_folder(folder) as hidden:
-        write_text(hidden / REPORT, html(page, source))
-    print(f"written to {folder / REPORT}")
+    page = read_page(kept)
+    with result_folder(path.parent) as hidden:
+        write_text(hidden / path.name, html(page, kept.parent))
+    print(f"written to {path}")
     return DONE
 
 

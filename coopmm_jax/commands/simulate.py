@@ -41,7 +41,9 @@ def add(commands: Subparsers) -> None:
     add_gains_file(parser)
     parser.add_argument("--precision", choices=("float64", "float32"), help="short for --simulation.precision")
     parser.add_argument(
-        "--out", metavar="DIR", help="folder for scenario.toml, trajectory.npz, summary.json and overview.png"
+        "--out",
+        metavar="DIR",
+        help="folder for scenario.toml, trajectory.npz, summary.json, metrics.csv and overview.png",
     )
     add_overwrite(parser)
     parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)

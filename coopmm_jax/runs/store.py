@@ -1,4 +1,4 @@
-"""The folder of one simulation: ``scenario.toml``, ``trajectory.npz`` and ``summary.json``."""
+"""The folder of one simulation: ``scenario.toml``, ``trajectory.npz``, ``summary.json`` and ``metrics.csv``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import read_json, read_npz, resolve_path, write_json, write_npz, write_text
+from coopmm_jax.files import read_json, read_npz, resolve_path, write_csv, write_json, write_npz, write_text
 from coopmm_jax.software import check_plugins, versions
 
 if TYPE_CHECKING:
@@ -16,10 +16,16 @@ if TYPE_CHECKING:
 
 
 def write_run(folder: Path, scenario: Scenario, trajectory: Trajectory) -> None:
-    """Write one simulation: ``scenario.toml``, ``trajectory.npz`` (its arrays by name) and ``summary.json``."""
+    """Write one simulation: its scenario, ``trajectory.npz`` (arrays by name), ``summary.json`` and ``metrics.csv``."""
+    from coopmm_jax.metrics.table import METRICS  # imports JAX
+
     write_text(folder / "scenario.toml", scenario.to_toml())
     arrays = {name: getattr(trajectory, name) for name in trajectory.arrays}
     write_npz(folder / "trajectory.npz", arrays)
+    rows = (
+        [name, repr(value), METRICS[name].unit, METRICS[name].meaning] for name, value in trajectory.metrics.items()
+    )
+    write_csv(folder / "metrics.csv", ["metric", "value", "unit", "meaning"], rows)
     write_json(folder / "summary.json", summary(scenario, trajectory))
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import html
+import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -130,24 +132,26 @@ class Trajectory:
     def to_xarray(self) -> xarray.Dataset:
         """All arrays by name, with labelled dimensions and units; the rest in the data set's attributes.
 
+        Attributes are texts or numbers, metrics and versions as JSON, so that ``to_netcdf`` takes them.
+
         >>> import coopmm_jax as cm
         >>> data = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.01})).to_xarray()
         >>> data.torque.sel(robot="I", actuator="joint_1").dims
         ('t',)
         """
-        import xarray
+        from coopmm_jax.runs.dataset import Labelled  # imports xarray
 
         arrays = self.arrays.items()
         variables = {name: (about["dims"], getattr(self, name), _attributes(about)) for name, about in arrays}
         attributes = {
             "status": self.status.name,
             "status_message": self.status.message,
-            "status_time": self.status_time,
-            "metrics": dict(self.metrics),
+            "status_time": math.nan if self.status_time is None else self.status_time,
+            "metrics": json.dumps(dict(self.metrics)),
             "scenario": self.scenario.to_toml(),
-            "versions": versions(),
+            "versions": json.dumps(versions()),
         }
-        return xarray.Dataset(variables, coords=self._labels(), attrs=attributes)
+        return Labelled(variables, coords=self._labels(), attrs=attributes)
 
     def _labels(self) -> dict[str, list[str]]:
         independent = [

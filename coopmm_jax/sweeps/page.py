@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Iterator
 
@@ -19,7 +20,7 @@ def page(results: Results) -> Page:
     options |= {name: attributes[name] for name in ("keep", "batch")}
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     again = shlex.join(["coopmm", "sweep", "scenario.toml", *words, "--out", "sweep.zarr"])
-    versions = {name: str(version) for name, version in attributes["versions"].items()}
+    versions = {name: str(version) for name, version in json.loads(attributes["versions"]).items()}
     count = f"{len(results.index)} of {results.total} samples of {settings.duration:g} s, seed {settings.seed}"
     about = [results.scenario.description, count, *damaged(results.data)]
     title = f"Sweep: {results.scenario.description.partition(':')[0] or 'a scenario'}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,13 +25,13 @@ def replay(sweep: xarray.Dataset | str | Path, sample: int) -> Scenario:
     Raises:
         UserError: no such sample, one that has not been computed yet, or no sweep's store.
     """
-    data = store.read_store(sweep) if isinstance(sweep, str | Path) else sweep
+    data = store.open_sweep(sweep) if isinstance(sweep, str | Path) else sweep
     count = data.sizes["sample"]
     if not 0 <= sample < count:
         raise UserError("sample", f"from 0 to {count - 1}", sample)
     row = data.isel(sample=sample)
     if int(store.values(row.status)) < 0:
-        damaged = data.attrs.get("damaged", {}).get(sample // data.attrs["batch"])
+        damaged = json.loads(data.attrs.get("damaged", "{}")).get(str(sample // data.attrs["batch"]))
         was = f"{sample} ({damaged})" if damaged else sample
         raise UserError("sample", "one that has been computed (sweep --resume computes the rest)", was)
     drawn = zip(data.parameter.values, store.values(row.parameters), strict=True)

@@ -2,7 +2,7 @@
 
     coopmm report sweep.zarr
 
-prints ``text`` and writes a folder with report.txt, summary.json, failed.csv and figures.
+prints ``text`` and writes a folder with report.html, report.txt, summary.json, a CSV file of each table, and figures.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from coopmm_jax.errors import one_line
 from coopmm_jax.files import write_csv, write_json, write_text
@@ -27,6 +29,7 @@ from coopmm_jax.sweeps.statistics import (
     spread,
     telling,
 )
+from coopmm_jax.sweeps.store import values
 
 if TYPE_CHECKING:
     import xarray
@@ -63,9 +66,10 @@ def write_report(folder: Path, data: xarray.Dataset, results: Results | None = N
 
 
 def write_numbers(folder: Path, results: Results) -> None:
-    """Write report.txt, summary.json and failed.csv into an existing folder."""
+    """Write report.txt, summary.json and the tables of the report as CSV files into an existing folder."""
     write_text(folder / "report.txt", text(results) + "\n")
     write_json(folder / "summary.json", summary(results))
+    _write_tables(folder, results)
     _write_failed(folder / "failed.csv", results)
 
 
@@ -73,11 +77,13 @@ def drawings(data: xarray.Dataset, results: Results) -> dict[str, Callable[[], F
     """The figures that the results have something to show in: how to draw each, by the name of its file."""
     from coopmm_jax.sweeps import figures
 
-    found = {"requirements.png": lambda: figures.sweep_requirements(results)}
+    found: dict[str, Callable[[], Figure]] = {}
+    if results.completed.any():
+        found["requirements.png"] = lambda: figures.sweep_requirements(results)
     if telling(results):
         found["importance.png"] = lambda: figures.sweep_importance(results)
         found["worst.png"] = lambda: figures.sweep_worst(results)
-    if data.sizes["kept"]:
+    if data.sizes["kept"] and np.isfinite(values(data.contact_force)).any():
         found["bands.png"] = lambda: figures.sweep_bands(data)
     return found
 
@@ -148,6 +154,22 @@ def _failed(results: Results) -> list[str]:
     if len(rows) > _LISTED:
         lines.append(f"  and {len(rows) - _LISTED} more")
     return lines
+
+
+def _write_tables(folder: Path, results: Results) -> None:
+    """Write requirements.csv, metrics.csv and importance.csv, in full precision."""
+    met = [[row.requirement, row.passed, row.samples, *row.success] for row in outcomes(results)]
+    write_csv(folder / "requirements.csv", ["requirement", "met", "samples", "probability", "low", "high"], met)
+    tables = {metric: spread(results, metric) for metric in results.metrics}
+    spreads = [[metric, METRICS[metric].unit, *table] for metric, table in tables.items() if table]
+    header = ["metric", "unit", "median", "quantile_05", "quantile_95", "worst", "worst_sample"]
+    write_csv(folder / "metrics.csv", header, spreads)
+    causes = [
+        [metric, draw, *interval]
+        for metric in telling(results)
+        for draw, interval in sensitivities(results, metric).items()
+    ]
+    write_csv(folder / "importance.csv", ["metric", "draw", "rank_correlation", "low", "high"], causes)
 
 
 def _write_failed(path: Path, results: Results) -> None:

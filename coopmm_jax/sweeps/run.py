@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import operator
 import shutil
 import time
@@ -172,7 +173,7 @@ def _contents(variation: Variation, sampling: str, keep: int, batch: int) -> Con
             "sampling": sampling,
             "batch": batch,
             "keep": keep,
-            "versions": versions() | {"xla_flags": xla_options()},
+            "versions": json.dumps(versions() | {"xla_flags": xla_options()}),
         },
         parameters=Labels(*zip(*((n.name, n.unit, n.meaning) for n in numbers), strict=True)),
         metrics=Labels(*zip(*((m.name, m.unit, m.meaning) for m in METRICS.values()), strict=True)),

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -232,7 +233,7 @@ def _correlation(x_ranks: np.ndarray, y_ranks: np.ndarray) -> Interval:
 
 def damaged(data: xarray.Dataset) -> list[str]:
     """Batches of a store that are not as they were written, with their samples and the file at fault."""
-    return list(data.attrs.get("damaged", {}).values())
+    return list(json.loads(data.attrs.get("damaged", "{}")).values())
 
 
 def failures(results: Results) -> list[tuple[int, str, float | None, list[str]]]:

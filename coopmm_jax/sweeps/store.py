@@ -3,7 +3,8 @@
 A chunk holds one batch, so no two writers share a file, and each file appears whole or not at all: whatever kills a
 process, the batches that have a checksum are complete.
 
-    group attributes   scenario (TOML), sampling, batch, keep, versions, fingerprint of these and of the coordinates
+    group attributes   scenario (TOML), sampling, batch, keep, versions (JSON), fingerprint of these and coordinates
+    sample             (sample)              numbers from 0
     parameters         (sample, parameter)   drawn values, in the units of coordinate parameter_unit
     metrics            (sample, metric)      in the units of coordinate metric_unit
     status             (sample)              code of ``Status``; -1: not computed yet
@@ -14,6 +15,7 @@ process, the batches that have a checksum are complete.
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tomllib
@@ -32,7 +34,17 @@ from coopmm_jax.files import hidden_folder, locked_folder, read_json, resolve_pa
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.validation import validate
 from coopmm_jax.software import check_plugins
-from coopmm_jax.sweeps.contents import BY_SAMPLE, COORDINATES, Contents, build
+from coopmm_jax.sweeps.contents import (
+    BY_SAMPLE,
+    COORDINATES,
+    SAMPLE,
+    Contents,
+    batched,
+    build,
+    consolidate,
+    enlarge,
+    room,
+)
 from coopmm_jax.sweeps.wholeness import CHECKSUMS, FINGERPRINT, Batches, checksum, fingerprint, inspect, written
 
 if TYPE_CHECKING:
@@ -44,7 +56,7 @@ class SweepStore:
 
     def __init__(self, group: zarr.Group, contents: Contents, path: Path | None, batches: Batches | None = None):
         self.path, self._contents, self._group = path, contents, group
-        self._arrays = _batched(group)
+        self._arrays = batched(group)
         self._checksums = cast(zarr.Array, group[CHECKSUMS])
         self._damaged = batches.damaged if batches else {}
         self._whole = set(np.flatnonzero(batches.whole).tolist()) if batches else set[int]()
@@ -101,8 +113,8 @@ class SweepStore:
                 self._checksums[batch] = 0
                 self._whole.discard(batch)
             self._checksums.attrs["samples"] = samples
-            _enlarge(self._group)
-            self._arrays = _batched(self._group)
+            enlarge(self._group)
+            self._arrays = batched(self._group)
             self._checksums = cast(zarr.Array, self._group[CHECKSUMS])
 
     def dataset(self) -> xarray.Dataset:
@@ -128,7 +140,7 @@ def create(path: Path, contents: Contents, samples: int) -> SweepStore:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with hidden_folder(path.parent, path.name) as hidden:
-            build(LocalStore(hidden), contents, samples)
+            consolidate(build(LocalStore(hidden), contents, samples))
             hidden.rename(path)
     except OSError as error:
         raise UserError("out", "a place that can be written", f"{path} ({error.strerror})") from None
@@ -142,8 +154,8 @@ def computed(path: Path) -> tuple[int, int]:
         UserError: no store of a sweep.
     """
     try:
-        group = zarr.open_group(LocalStore(path), mode="r")
-        total, size = _room(group), int(str(group.attrs["batch"]))
+        group = zarr.open_group(LocalStore(path), mode="r", use_consolidated=False)
+        total, size = room(group), int(str(group.attrs["batch"]))
         return min(total, size * int(np.count_nonzero(written(group)))), total
     except Exception as error:  # whatever zarr makes of a foreign file
         raise UserError("DIR", "the folder of a tuning, or the store of a sweep", f"{path} ({error})") from None
@@ -176,10 +188,10 @@ def open_store(path: Path, contents: Contents) -> SweepStore:
     for name in sorted(was.keys() | now.keys()):
         if was.get(name) != now.get(name):
             raise UserError(name, f"{_shown(was.get(name))}, as {path} was made with", _shown(now.get(name)))
-    return SweepStore(group, contents, path, inspect(group, _batched(group), contents.batch_size))
+    return SweepStore(group, contents, path, inspect(group, batched(group), contents.batch_size))
 
 
-def read_store(path: str | Path) -> xarray.Dataset:
+def open_sweep(path: str | Path) -> xarray.Dataset:
     """The data set of a store, read when it is used.
 
     Raises:
@@ -188,7 +200,7 @@ def read_store(path: str | Path) -> xarray.Dataset:
     place = resolve_path(path, "store")
     group = _group(place)
     try:
-        return _opened(group, inspect(group, _batched(group), int(str(group.attrs["batch"]))))
+        return _opened(group, inspect(group, batched(group), int(str(group.attrs["batch"]))))
     except Exception as error:  # whatever zarr and xarray make of a damaged file
         raise UserError("store", "the store of a sweep", f"{place} ({error})") from None
 
@@ -223,15 +235,19 @@ def chunk_file(path: Path, name: str, batch: int, dimensions: int) -> Path:
 def _opened(group: zarr.Group, batches: Batches) -> xarray.Dataset:
     import xarray
 
+    from coopmm_jax.sweeps.data import SweepData  # imports xarray
+
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Object at .* is not recognized")  # what a file manager leaves in a folder
-        data = xarray.open_zarr(group.store, consolidated=False, chunks=None, drop_variables=[CHECKSUMS])
+        stored = xarray.open_zarr(group.store, consolidated=False, chunks=None, drop_variables=[CHECKSUMS, SAMPLE])
+    numbers = {SAMPLE: (SAMPLE, np.arange(stored.sizes[SAMPLE]), group[SAMPLE].attrs.asdict())}
+    data = SweepData(stored.data_vars, {**stored.coords, **numbers}, stored.attrs)
     status = values(data.status)
     status[~np.repeat(batches.whole, cast(int, group.attrs["batch"]))[: len(status)]] = -1
     data["status"] = data.status.copy(data=status)
     # zarr lists arrays in any order; what every sample has comes first, for whoever looks at the data set.
     data = data[[*BY_SAMPLE, *sorted(set(map(str, data.data_vars)) - set(BY_SAMPLE))]]
-    data.attrs["damaged"] = batches.damaged
+    data.attrs["damaged"] = json.dumps(batches.damaged)
     return data
 
 
@@ -243,13 +259,13 @@ def _group(path: Path) -> zarr.Group:
     """
     writable = os.access(path, os.W_OK)
     try:
-        group = zarr.open_group(LocalStore(path), mode="r+" if writable else "r")
+        group = zarr.open_group(LocalStore(path), mode="r+" if writable else "r", use_consolidated=False)
         settings = dict(group.attrs)
         coordinates = {name: np.asarray(cast(zarr.Array, group[name])[:]) for name in COORDINATES}
         if settings.get(FINGERPRINT) == fingerprint(settings, coordinates):
-            check_plugins(cast(Any, settings["versions"]), "store", path)
+            check_plugins(json.loads(str(settings["versions"])), "store", path)
             if writable:
-                _enlarge(group)
+                enlarge(group)
             return group
         reason = "another zarr group, or with damaged settings or coordinates"
     except UserError:
@@ -261,38 +277,14 @@ def _group(path: Path) -> zarr.Group:
     raise UserError("store", "the store of a sweep", f"{path} ({reason})")
 
 
-def _room(group: zarr.Group) -> int:
-    """Number of samples that a store is to have."""
-    return int(str(cast(zarr.Array, group[CHECKSUMS]).attrs["samples"]))
-
-
-def _batched(group: zarr.Group) -> dict[str, zarr.Array]:
-    """Arrays that are written batch by batch, by name."""
-    with zarr.config.set({"array.write_empty_chunks": True}):  # else a batch of nothing but fill values has no file
-        return {name: cast(zarr.Array, group[name]) for name in (*BY_SAMPLE, *_series(group))}
-
-
-def _enlarge(group: zarr.Group) -> None:
-    """Give every array the length that ``_room`` says."""
-    samples, settings = _room(group), cast(dict[str, int], dict(group.attrs))
-    lengths = dict.fromkeys(BY_SAMPLE, samples) | dict.fromkeys(_series(group), min(settings["keep"], samples))
-    for name, length in (lengths | {CHECKSUMS: -(-samples // settings["batch"])}).items():
-        array = cast(zarr.Array, group[name])
-        if array.shape[0] < length:
-            array.resize((length, *array.shape[1:]))
-
-
-def _series(group: zarr.Group) -> list[str]:
-    """Names of the series that a store keeps."""
-    return cast(list[str], group.attrs["series"])
-
-
 def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Settings by dotted name; those of the scenario by the names the user knows."""
     flat: dict[str, Any] = {}
     for name, value in settings.items():
         if name == "scenario" and not prefix:
             flat |= _flat(tomllib.loads(value), "")
+        elif name == "versions" and not prefix:
+            flat |= _flat(json.loads(value), "versions.")
         elif isinstance(value, Mapping):
             flat |= _flat(value, f"{prefix}{name}.")
         else:

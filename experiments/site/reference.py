@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import inspect
 import re
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -130,14 +129,17 @@ def commands() -> str:
 
 
 def python() -> str:
-    """The Python interface: what ``import coopmm_jax as cm`` and ``import tuning`` have."""
+    """The Python interface: what ``import coopmm_jax as cm`` and ``import tuning`` have, each once."""
     parts = ["# Python\n\n    import coopmm_jax as cm\n    import tuning\n"]
+    shown: set[str] = set()
     for package, title in ((coopmm_jax, "coopmm_jax"), (tuning, "tuning")):
         parts.append(f"## {title}\n")
         for name in package.__all__:
             made = getattr(package, name)
-            place = f"{inspect.getmodule(made).__name__}.{name}" if inspect.getmodule(made) else f"{title}.{name}"
-            parts.append(f"::: {place}\n")
+            place = f"{made.__module__}.{made.__name__}"
+            if place not in shown:
+                shown.add(place)
+                parts.append(f"::: {place}\n    options:\n      heading: {name}\n      toc_label: {name}\n")
     return "\n".join(parts)
 
 

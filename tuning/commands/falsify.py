@@ -11,8 +11,8 @@ from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES
 from coopmm_jax.commands.options import add_dask, add_gains_file, add_overwrite, check_out, with_gains, workers
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import resolve_path, result_folder, write_text
-from coopmm_jax.page import write_page
+from coopmm_jax.files import resolve_path, result_folder, write_csv, write_text
+from coopmm_jax.page import keep_page, write_page
 from coopmm_jax.scenario.scenario import load_scenario
 
 if TYPE_CHECKING:
@@ -77,7 +77,11 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
             random = None if options.compare_random is None else random_costs(problem, count)
         if folder is not None and path is not None:
             write_text(folder / path.name, found.scenario.to_toml())
-            write_page(folder, falsify_page(found, random, scenario, path.name), path.with_suffix(".html").name)
+            numbers = ([name, found.nominal[name], value] for name, value in found.numbers.items())
+            write_csv(folder / path.with_suffix(".csv").name, ["number", "scenario", "found"], numbers)
+            page = falsify_page(found, random, scenario, path.name)
+            keep_page(folder, page, path.with_suffix(".json").name)
+            write_page(folder, page, path.with_suffix(".html").name)
     print(table(found, random), end="")
     if path is not None:
         print(f"written to {options.out}; look at it by coopmm simulate {options.out}")
@@ -88,6 +92,6 @@ def _new_file(options: argparse.Namespace) -> Path:
     path = resolve_path(options.out, "--out")
     if path.suffix != ".toml":
         raise UserError("--out", "a .toml file", options.out)
-    for written in (path, path.with_suffix(".html")):
+    for written in (path, *(path.with_suffix(suffix) for suffix in (".html", ".csv", ".json"))):
         check_out(options, written, file=True)
     return path

@@ -33,7 +33,7 @@ class Switches(NamedTuple):
 
 
 def write_report(folder: Path, compared: ComparedGains, sources: Sequence[str | Path] = ()) -> None:
-    """Write compare.txt, .json and .csv, the figures, and report.html with page.json behind it.
+    """Write compare.txt, .json and .csv, its tables as CSV files, figures, and report.html with page.json behind it.
 
     Args:
         folder: of the results.
@@ -43,6 +43,7 @@ def write_report(folder: Path, compared: ComparedGains, sources: Sequence[str | 
     write_text(folder / "compare.txt", table(compared))
     write_json(folder / "compare.json", summary(compared))
     _write_csv(folder / "compare.csv", compared)
+    _write_tables(folder, compared)
     drawn = [compare_figures.costs, compare_figures.bands]
     if compared.scenario.requirements.parsed():
         drawn.append(compare_figures.requirements)
@@ -165,6 +166,26 @@ def _switched(found: Switches) -> str:
     if not found.won + found.lost:
         return "none changed"
     return f"{found.won} won, {found.lost} lost (p = {found.p:.2g})"
+
+
+def _write_tables(folder: Path, compared: ComparedGains) -> None:
+    """Write costs.csv and requirements.csv: the tables of the page, a line for each set of gains."""
+    nothing = Change(*[np.nan] * 4)
+    pairs = [{}, *(changes(compared, i) for i in range(1, len(compared.labels)))]
+    costs = [
+        [name, label, value, *pair.get(name, nothing)[2:]]
+        for name, values in _values(compared).items()
+        for label, value, pair in zip(compared.labels, values, pairs, strict=True)
+    ]
+    header = ["cost", "gains", "value", "ratio_to_first_low", "ratio_to_first_high"]
+    write_csv(folder / "costs.csv", header, costs)
+    rates = [
+        [name, label, *success(int(row.sum()), len(row)), changed.won, changed.lost, changed.p]
+        for name, met in compared.outcomes().items()
+        for label, row, changed in zip(compared.labels, met, [Switches(0, 0, 1.0), *switches(met)], strict=True)
+    ]
+    header = ["requirement", "gains", "probability", "low", "high", "won", "lost", "p"]
+    write_csv(folder / "requirements.csv", header, rates)
 
 
 def _write_csv(path: Path, compared: ComparedGains) -> None:

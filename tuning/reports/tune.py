@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coopmm_jax.files import write_json, write_text
+from coopmm_jax.files import write_csv, write_json, write_text
 from coopmm_jax.metrics.table import as_text
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps.intervals import success
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def write_report(folder: Path, result: TuningResult, start: Scenario | None = None) -> None:
-    """Write report.txt, report.json, convergence.png, gains.png, bands.png and report.html with page.json behind it.
+    """Write report.txt, report.json, CSV files of its tables, figures, and report.html with page.json behind it.
 
     Args:
         folder: of the results.
@@ -41,8 +41,24 @@ def write_report(folder: Path, result: TuningResult, start: Scenario | None = No
     content |= {"stopped": result.stopped}
     content |= {"gains": dict(zip(result.labels, np.stack([result.before, result.after], 1).tolist(), strict=True))}
     write_json(folder / "report.json", content)
+    _write_tables(folder, result)
     drawn = (tune_figures.convergence, tune_figures.gains, tune_figures.bands)
     write_pictures_and_page(folder, drawn, result, tune_page(result, changes(result), remarks(result), start))
+
+
+def _write_tables(folder: Path, result: TuningResult) -> None:
+    """Write costs.csv, requirements.csv and gains.csv, in full precision."""
+    costs = [[name, *change] for name, change in changes(result).items()]
+    write_csv(folder / "costs.csv", ["cost", "before", "after", "ratio_low", "ratio_high"], costs)
+    rates = [
+        [str(requirement), when, *success(int(met.sum()), len(met))]
+        for requirement in result.scenario.requirements.parsed()
+        for when, met in zip(("before", "after"), result.comparison.met(requirement), strict=True)
+    ]
+    write_csv(folder / "requirements.csv", ["requirement", "gains", "probability", "low", "high"], rates)
+    means = result.before.reshape(-1, len(result.margins)).mean(axis=0)
+    rows = [[m.name, before, *m[1:]] for before, m in zip(means.tolist(), result.margins, strict=True)]
+    write_csv(folder / "gains.csv", ["gain", "before", "after", "low", "high", "below", "above"], rows)
 
 
 def changes(result: TuningResult) -> dict[str, Change]:
