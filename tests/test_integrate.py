@@ -16,7 +16,7 @@ def field(t, state):
 def solve(steps, horizon=1.5):
     step = horizon / steps
     start = {"x": jnp.ones(()), "y": jnp.ones(())}
-    end, _ = scan_segments(lambda x, i: rk4_step(field, i * step, step, x), start, 1, steps, checkpoint=False)
+    end, *_ = scan_segments(lambda x, i: (rk4_step(field, i * step, step, x)[0], ((), ())), start, 1, steps, False)
     return np.array([end["x"] - np.exp(np.sin(horizon)), end["y"] - 1 / (1 + horizon)])
 
 
@@ -40,17 +40,19 @@ def test_signals_are_those_at_the_start_of_the_step():
 @pytest.mark.parametrize("checkpoint", [False, True])
 def test_segments_report_their_first_step(checkpoint):
     def advance(total, i):
-        return total + i, (i, total)
+        return total + i, ((i, total), 2 * i)
 
-    total, (indices, totals) = scan_segments(advance, jnp.int32(0), 3, 4, checkpoint)
+    total, (indices, totals), doubled = scan_segments(advance, jnp.int32(0), 3, 4, checkpoint)
     assert total == sum(range(12))
     assert indices.tolist() == [0, 4, 8]
     assert totals.tolist() == [0, 6, 28]
+    assert doubled.tolist() == list(range(0, 24, 2))
 
 
 def final(x, checkpoint):
     def advance(state, i):
-        return rk4_step(lambda t, s: (x * jnp.cos(t) * jnp.sin(s), None), i * 0.01, 0.01, state)
+        state, _ = rk4_step(lambda t, s: (x * jnp.cos(t) * jnp.sin(s), None), i * 0.01, 0.01, state)
+        return state, ((), ())
 
     return scan_segments(advance, jnp.ones(()), 20, 10, checkpoint)[0]
 

@@ -107,7 +107,8 @@ def test_simulate_from_a_store(sweep, thousand, tmp_path, capsys):
     *_, calm = lines = capsys.readouterr().out.splitlines()
     force, torque = (float(thousand.metrics.sel(metric=name)[5]) for name in ("force_min", "torque_peak"))
     assert dict(line.split()[:2] for line in lines[2:])["force_min"] == f"{force:.6g}"
-    assert calm == f"  requirement torque_peak <= 200: {'met' if torque <= 200 else 'not met'}"
+    met = "met" if torque <= 200 else "not met"
+    assert calm == f"  requirement torque_peak <= 200: {met} (robustness {200 - torque:.4g} N m)"
 
 
 def test_report_with_other_requirements(sweep, tmp_path, capsys):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import coopmm_jax
@@ -104,11 +105,23 @@ def _report(scenario: Scenario, trajectory: Trajectory) -> int:
     for name in shown():
         value = as_text(trajectory.metrics[name], ".6g")
         print(f"  {name:{width}} {value:>12} {METRICS[name].unit:6}  {METRICS[name].meaning}")
-    for requirement in scenario.requirements.parsed():
-        met = trajectory.ok and requirement.met(trajectory.metrics[requirement.metric])
-        print(f"  requirement {requirement}: {'met' if met else 'not met'}")
+    for line in _requirements(scenario, trajectory):
+        print(f"  requirement {line}")
     if trajectory.ok:
         return DONE
     ending = f"{trajectory.status.name} at t = {trajectory.status_time:g} s: {trajectory.status.message}"
     print(f"coopmm: rollout failed: {ending}", file=sys.stderr)
     return ROLLOUT_FAILED
+
+
+def _requirements(scenario: Scenario, trajectory: Trajectory) -> Iterator[str]:
+    """Each requirement, whether it is met, and by how much."""
+    known = scenario.requirements.metrics()
+    for requirement in scenario.requirements.parsed():
+        value = trajectory.metrics[requirement.metric]
+        if not trajectory.ok:
+            yield f"{requirement}: not met"
+            continue
+        distance = requirement.robustness(value) * requirement.scale
+        met = "met" if requirement.met(value) else "not met"
+        yield f"{requirement}: {met} (robustness {distance:.4g} {known[requirement.metric].unit})"

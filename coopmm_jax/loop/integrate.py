@@ -82,12 +82,12 @@ def rk4_hold(field: Callable, t: Scalar, step: Scalar, count: int, state: PyTree
 
 def scan_segments(
     advance: Callable, carry: PyTree, segments: int, length: int, checkpoint: bool, ahead: Callable | None = None
-) -> tuple[PyTree, PyTree]:
-    """Run ``advance`` segments * length times and keep what the first step of each segment reports.
+) -> tuple[PyTree, PyTree, PyTree]:
+    """Run ``advance`` segments * length times, and keep what the first step of each segment reports.
 
     Args:
-        advance: (carry, i) -> (carry, report) for step i; (carry, i, given) where something is given for each step.
-            Where it is, ``advance`` may be called for some steps more.
+        advance: (carry, i) -> (carry, (report, kept)) for step i; (carry, i, given) where something is given for each
+            step. Where it is, ``advance`` may be called for some steps more.
         carry: at the start.
         segments: number of segments.
         length: steps of each.
@@ -96,7 +96,8 @@ def scan_segments(
         ahead: (i, n) -> pytree of arrays (n, ...): what is given for n steps from step i on.
 
     Returns:
-        Last carry, and the reports stacked along a leading axis of ``segments``.
+        Last carry, the reports stacked along a leading axis of ``segments``, and what is kept of every step along one
+        of segments * length.
     """
 
     def one(carry: PyTree, entries: tuple) -> tuple[PyTree, PyTree]:
@@ -104,12 +105,13 @@ def scan_segments(
 
     def segment(carry: PyTree, entries: tuple) -> tuple[PyTree, PyTree]:
         start, *within = entries
-        carry, reports = jax.lax.scan(one, carry, (start + jnp.arange(length, dtype=jnp.int32), *within))
-        return carry, jax.tree.map(lambda x: x[0], reports)
+        carry, (reports, kept) = jax.lax.scan(one, carry, (start + jnp.arange(length, dtype=jnp.int32), *within))
+        return carry, (jax.tree.map(lambda x: x[0], reports), kept)
 
     body = recomputed(segment) if checkpoint else segment
     if ahead is None:
-        return jax.lax.scan(body, carry, (length * jnp.arange(segments, dtype=jnp.int32),))
+        carry, (reports, kept) = jax.lax.scan(body, carry, (length * jnp.arange(segments, dtype=jnp.int32),))
+        return carry, reports, jax.tree.map(_joined, kept)
     together = min(segments, max(1, _TOGETHER // length))
 
     def block(carry: PyTree, start: jax.Array) -> tuple[PyTree, PyTree]:
@@ -117,5 +119,11 @@ def scan_segments(
         return jax.lax.scan(body, carry, (start + length * jnp.arange(together, dtype=jnp.int32), given))
 
     blocks = -(-segments // together)
-    carry, reports = jax.lax.scan(block, carry, together * length * jnp.arange(blocks, dtype=jnp.int32))
-    return carry, jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:segments], reports)
+    carry, found = jax.lax.scan(block, carry, together * length * jnp.arange(blocks, dtype=jnp.int32))
+    reports, kept = jax.tree.map(lambda x: _joined(x)[:segments], found)
+    return carry, reports, jax.tree.map(_joined, kept)
+
+
+def _joined(x: jax.Array) -> jax.Array:
+    """(a, b, ...) as (a * b, ...)."""
+    return x.reshape(-1, *x.shape[2:])

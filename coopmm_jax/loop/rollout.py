@@ -88,6 +88,7 @@ class Observer(NamedTuple):
 
     start: PyTree
     update: Callable[[PyTree, Scalar, Signals], PyTree]  # (total, t, signals) -> total
+    kept: Callable[[PyTree], PyTree] | None = None  # of the total after each sample: scalars that are to be kept
 
 
 class Rollout(NamedTuple):
@@ -97,6 +98,7 @@ class Rollout(NamedTuple):
     total: PyTree  # of the observer
     health: Health
     record: PyTree  # (t, signals) at each segment's start, stacked; None unless recorded
+    kept: PyTree = None  # what the observer keeps of every sample, stacked; after a failure the last good values
 
 
 def as_scalars(tree: PyTree, dtype: DTypeLike) -> PyTree:
@@ -146,7 +148,9 @@ def rollout(
     one_step = functools.partial(sampled_step if structure.substeps else continuous_step, structure, form, model)
     settle = recomputed(functools.partial(_settle, form, observer, steps))  # keeps the inputs, each one vector
 
-    def advance(carry: tuple, i: jax.Array, aims: Packed | None = None) -> tuple[tuple, PyTree]:
+    keep = observer.kept if observer else None
+
+    def advance(carry: tuple, i: jax.Array, aims: Packed | None = None) -> tuple[tuple, tuple[PyTree, PyTree]]:
         state, total, health = carry
         t = i.astype(dtype) * step
         proposed, signals = one_step(i, t, step, state, aims)
@@ -156,14 +160,17 @@ def rollout(
         failed = (status != 0) & (health.status == 0)
         state, total = settle(status, i, t, state, total, proposed, signals)
         report = Packed.of((t, form.unpack(signals)), dtype) if record else None
-        return (state, total, Health(status, jnp.where(failed, i, health.step))), report
+        kept = Packed.of(keep(form.unpack(total)), dtype) if keep else None
+        return (state, total, Health(status, jnp.where(failed, i, health.step))), (report, kept)
 
     carry = (form.pack(start.state), form.pack(jax.tree.map(jnp.asarray, observer.start)) if observer else None, health)
     ahead = None  # a batch does without: what it does not vary is computed once for all elements
     if plan.packed and isinstance(parameters.reference, PathReference):
         ahead = aims_ahead(parameters.reference, step, dtype, structure.substeps > 0)
-    (state, total, health), reports = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint, ahead)
-    return Rollout(form.unpack(state), form.unpack(total), health, reports.unpack() if record else None)
+    carry, *stacked = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint, ahead)
+    (state, total, health), (reports, kept) = carry, stacked
+    series = (reports.unpack() if record else None, kept.unpack() if keep else None)
+    return Rollout(form.unpack(state), form.unpack(total), health, *series)
 
 
 def _settle(

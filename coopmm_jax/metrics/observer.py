@@ -17,12 +17,15 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.types import Bool, Scalar
+from coopmm_jax.algebra.types import Bool, Scalar, Vector
 from coopmm_jax.kinds.probe import number_of
 from coopmm_jax.loop.rollout import Observer
 from coopmm_jax.loop.state import Signals
-from coopmm_jax.metrics.sample import ENTRIES, Past, Sample, no_past, past_after, quantities
+from coopmm_jax.metrics import watching
+from coopmm_jax.metrics.sample import ENTRIES, Past, Sample, no_past, past_after, quantities, root
+from coopmm_jax.metrics.sentence import NO_SENTENCES, Sentences
 from coopmm_jax.metrics.table import LATE, LATE_FROM, METRICS, WHOLE, Metric, of_plugins
+from coopmm_jax.metrics.watching import Watching
 from coopmm_jax.parameters import Parameters, Structure
 
 
@@ -64,10 +67,10 @@ REDUCTIONS = {
     "mean": Reduction("sum", lambda gathered, extent: gathered / extent.values),
     "count": Reduction("sum", lambda gathered, extent: gathered),
     "time": Reduction("sum", lambda gathered, extent: gathered * extent.step),
-    "root_mean": Reduction("sum", lambda gathered, extent: _root(gathered / extent.values)),
-    "root_max": Reduction("max", lambda gathered, extent: _root(gathered)),
+    "root_mean": Reduction("sum", lambda gathered, extent: root(gathered / extent.values)),
+    "root_max": Reduction("max", lambda gathered, extent: root(gathered)),
     "last": Reduction("last", lambda gathered, extent: gathered),
-    "root_last": Reduction("last", lambda gathered, extent: _root(gathered)),
+    "root_last": Reduction("last", lambda gathered, extent: root(gathered)),
     "variation": Reduction("sum_after_first", lambda gathered, extent: gathered),
     "time_if_complete": Reduction(
         "max", lambda gathered, extent: jnp.where(extent.complete, jnp.minimum(gathered, extent.duration), jnp.nan)
@@ -94,16 +97,26 @@ class Total(NamedTuple):
     samples: Mapping[str, Scalar]  # of each window
     gathered: Mapping[Gathered, Scalar]
     past: Past
+    watching: Watching = Watching()
 
 
-def observer(structure: Structure, parameters: Parameters, duration: Scalar, step: Scalar) -> Observer:
-    """Observer that gathers along a ``rollout`` what ``finish`` needs; all arguments but the first may be traced.
+def observer(
+    structure: Structure,
+    parameters: Parameters,
+    duration: Scalar,
+    step: Scalar,
+    sentences: Sentences = NO_SENTENCES,
+    smoothly: bool = False,
+) -> Observer:
+    """Observer that gathers along a ``rollout`` what ``finish`` needs; all arguments that are numbers may be traced.
 
     Args:
         structure: static choices.
         parameters: of the rollout.
         duration: its horizon [s].
         step: its step [s].
+        sentences: whose robustness is wanted; their forms are static.
+        smoothly: whether it is wanted for gradients.
     """
 
     def update(total: Total, t: Scalar, signals: Signals) -> Total:
@@ -122,18 +135,32 @@ def observer(structure: Structure, parameters: Parameters, duration: Scalar, ste
                 counts = counts & (total.samples[key.window] > 0)
             gathered[key] = join(before, jnp.where(counts, seen[key.quantity], start))
         samples = {window: count + jnp.where(inside[window], 1.0, 0.0) for window, count in total.samples.items()}
-        return Total(samples, gathered, now)
+        seen_so_far = watching.after(sentences, total.watching, total.samples[WHOLE], sample)
+        return Total(samples, gathered, now, seen_so_far)
 
-    return Observer(_start(structure), update)
+    start = _start(structure, sentences, smoothly)
+    return Observer(start, update, (lambda total: total.watching.kept) if start.watching.kept else None)
 
 
-def finish(total: Total, duration: Scalar, step: Scalar) -> dict[str, Scalar]:
-    """Metrics by name, in the order of ``METRICS``; NaN where no sample was in a metric's window.
+def finish(
+    total: Total,
+    duration: Scalar,
+    step: Scalar,
+    sentences: Sentences = NO_SENTENCES,
+    kept: Mapping[str, Vector] | None = None,
+    temperature: Scalar | None = None,
+) -> dict[str, Scalar]:
+    """Metrics by name, in the order of ``METRICS``, then the robustness of sentences in theirs.
+
+    A metric is NaN where no sample was in its window.
 
     Args:
         total: gathered by ``observer``.
         duration: as given to it [s].
         step: as given to it [s].
+        sentences: as given to it.
+        kept: what the rollout kept of every sample.
+        temperature: of the smooth robustness, in units of each sentence's scale; left out, it is exact.
     """
     complete = (total.samples[WHOLE] - 0.5) * step > duration
     metrics = {}
@@ -143,18 +170,17 @@ def finish(total: Total, duration: Scalar, step: Scalar) -> dict[str, Scalar]:
         extent = Extent(values, step, duration, complete)
         value = REDUCTIONS[metric.reduction].finish(total.gathered[Gathered.of(metric)], extent)
         metrics[name] = jnp.where(samples > 0, value, jnp.nan)
-    return metrics
+    if not sentences.forms:
+        return metrics
+    count = total.samples[WHOLE]
+    survived = count * step / (duration + step)
+    return metrics | watching.finish(sentences, total.watching, kept, step, count, survived, complete, temperature)
 
 
-def _start(structure: Structure) -> Total:
+def _start(structure: Structure, sentences: Sentences, smoothly: bool) -> Total:
     """Total of no sample."""
     zero = jnp.zeros((), jnp.result_type(float))
     needed = dict.fromkeys(map(Gathered.of, METRICS.values()))
     gathered = {key: zero + _ACCUMULATIONS[key.accumulation].start for key in needed}
-    return Total({WHOLE: zero, LATE: zero}, gathered, no_past(structure))
-
-
-def _root(square: Scalar) -> Scalar:
-    """Square root with gradient 0 at 0; 0 of what is negative, which only "no sample" is."""
-    positive = square > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+    at_start = watching.start(sentences, smoothly, zero)
+    return Total({WHOLE: zero, LATE: zero}, gathered, no_past(structure), at_start)

@@ -213,6 +213,12 @@ def largest_size(values: Vector) -> Scalar:
     return functools.reduce(jnp.maximum, map(jnp.abs, values), 0.0)
 
 
+def root(square: Scalar) -> Scalar:
+    """Square root of a scalar, with gradient 0 at 0; 0 of what is negative, which only "no sample" is."""
+    positive = square > 0.0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+
+
 def _torques(signals: Signals) -> Vector:
     """Torques of all actuators, wheels first (10,) [N m]."""
     one, two = signals.torque

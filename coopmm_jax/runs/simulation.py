@@ -22,7 +22,8 @@ from coopmm_jax.mechanics.robot import CHAINED, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, in_world, unchained
 from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics import observer
-from coopmm_jax.metrics.table import METRICS, check_finite, registered
+from coopmm_jax.metrics.sentence import Formula, Numbers, Sentences
+from coopmm_jax.metrics.table import check_finite, registered
 from coopmm_jax.parameters import Parameters, Reference, Structure
 from coopmm_jax.runs.trajectory import Trajectory
 from coopmm_jax.scenario import plausible
@@ -57,7 +58,7 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     if precision is not None:
         scenario = scenario.with_overrides({"simulation.precision": precision})
     settings, structure, parameters = scenario.simulation, scenario.structure(), scenario.parameters()
-    steps, step = scenario.steps, scenario.sample_time
+    steps, step, sentences = scenario.steps, scenario.sample_time, scenario.requirements.sentences()
     plan = _plan(steps, settings.record_every)
     must = "larger, or simulation.duration shorter"
     needed = _PER_SAMPLE[settings.precision] * plan.segments
@@ -65,7 +66,9 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     plausible.warn_of(scenario)
     check_reference(scenario)
     with jax.enable_x64(settings.precision == "float64"):
-        outcome = _compiled(structure, plan, parameters, step, steps, registered())
+        outcome = _compiled(
+            structure, plan, parameters, step, steps, (registered(), sentences.forms), sentences.numbers
+        )
         series, measured, health = jax.device_get(outcome)
     status = Status(int(health.status))
     if status is Status.UNREACHABLE:
@@ -80,7 +83,7 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
         controller={name: _stacked(own[name], series["t"])[:kept] for name in signals_of(parameters.gains)},
         status=status,
         status_time=end * step if failed else None,
-        metrics={name: float(measured[name]) for name in METRICS},
+        metrics={name: float(measured[name]) for name in scenario.requirements.metrics()},
         scenario=scenario,
     )
 
@@ -93,25 +96,26 @@ def _plan(steps: int, record_every: int) -> Plan:
     return Plan.alone(room - 1, record_every)
 
 
-@functools.partial(jax.jit, static_argnames=("structure", "plan", "metrics"))
+@functools.partial(jax.jit, static_argnames=("structure", "plan", "measured"))
 def _compiled(
     structure: Structure,
     plan: Plan,
     parameters: Parameters,
     step: Scalar,
     steps: Scalar,
-    metrics: tuple[tuple[str, type], ...],
+    measured: tuple[tuple[tuple[str, type], ...], tuple[tuple[str, Formula], ...]],
+    numbers: tuple[Numbers, ...],
 ) -> tuple[dict[str, Any], dict[str, Scalar], Health]:
     """Recorded series, metrics and health of one rollout; ``steps`` of length ``step`` [s] follow its first sample.
 
-    ``metrics`` are those that are registered: another set is another program.
+    ``measured`` are the metrics that are registered, and the forms of sentences: others are another program.
     """
-    horizon = {"duration": steps * step, "step": step}
+    horizon = {"duration": steps * step, "step": step, "sentences": Sentences(measured[1], numbers)}
     result = rollout(
         structure, parameters, step, steps, plan, observer.observer(structure, parameters, **horizon), record=True
     )
     series = jax.vmap(functools.partial(_sample, structure, parameters))(*result.record)
-    return series, observer.finish(result.total, **horizon), result.health
+    return series, observer.finish(result.total, **horizon, kept=result.kept), result.health
 
 
 def _sample(structure: Structure, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Any]:

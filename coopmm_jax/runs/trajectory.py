@@ -88,7 +88,9 @@ class Trajectory:
     )
     status: Status
     status_time: float | None  # [s] of the failure
-    metrics: dict[str, float]  # as ``metrics.METRICS`` describes, over all samples, recorded or not
+    metrics: dict[
+        str, float
+    ]  # as ``metrics.METRICS`` describes, over all samples, recorded or not; robustness of sentences
     scenario: Scenario
 
     @property

@@ -216,10 +216,15 @@ class BaseScenario(HardwareSections):
 
     @model_validator(mode="after")
     def _what_is_required_is_measured(self) -> Self:
-        for metric in self.requirements.__pydantic_extra__:
-            if metric not in METRICS:
+        duration = self.simulation.duration
+        for requirement in self.requirements.parsed():
+            metric, sentence = requirement.metric, requirement.sentence
+            if sentence is None and metric not in METRICS:
                 must = f"a metric, as coopmm simulate --out writes them{closest(metric, METRICS)}"
                 raise UserError(f"requirements.{metric}", must, "unknown")
+            if sentence is not None and sentence.reach() > duration:
+                must = f"a sentence whose windows all begin within the {duration:g} s of the run"
+                raise UserError(f"requirements.{metric}", must, f"one that looks {sentence.reach():g} s ahead")
         return self
 
 

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.plotting import style
 from coopmm_jax.plotting.bands import band, scale
 from coopmm_jax.plotting.lines import TIME
@@ -157,11 +156,11 @@ def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) 
         axes.yaxis.set_minor_formatter("")
     axes.locator_params(axis="x", nbins=5)  # more labels of small numbers do not fit side by side
     axes.xaxis.set_major_formatter("{x:g}")
-    axes.set_xlabel(f"{metric} [{METRICS[metric].unit}]")
+    axes.set_xlabel(f"{metric} [{results.scenario.requirements.metrics()[metric].unit}]")
     axes.set_ylabel("samples")
     if isinstance(limit, Requirement):
         met = success(int(results.met(limit).sum()), len(results.index))
-        axes.set_title(f"{limit}\nmet by {met.estimate:.3f} ({met.low:.3f} to {met.high:.3f})")
+        axes.set_title(f"{limit.short}\nmet by {met.estimate:.3f} ({met.low:.3f} to {met.high:.3f})")
         hatch_beyond(axes, limit)
 
 

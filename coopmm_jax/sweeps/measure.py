@@ -17,6 +17,7 @@ from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.sample import internal_force, largest_size, squared_errors
+from coopmm_jax.metrics.sentence import NO_SENTENCES, Sentences
 from coopmm_jax.metrics.table import METRICS, check_finite, registered
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.status import Status
@@ -61,12 +62,18 @@ class Horizon(NamedTuple):
 class Measured(NamedTuple):
     """Results of the B samples of a batch after their rollouts."""
 
-    metrics: np.ndarray  # (B, M), in the order of METRICS; NaN where a window was not reached
+    metrics: np.ndarray  # (B, M), in the order of METRICS, then of the sentences; NaN where a window was not reached
     status: np.ndarray  # (B,) codes of ``Status``
     status_time: np.ndarray  # (B,) of a failure [s]; NaN for none
 
 
-def measure(structure: Structure, horizon: Horizon, device: Device, parameters: Parameters) -> Measured:
+def measure(
+    structure: Structure,
+    horizon: Horizon,
+    device: Device,
+    parameters: Parameters,
+    sentences: Sentences = NO_SENTENCES,
+) -> Measured:
     """Metrics and status of a batch.
 
     Args:
@@ -74,11 +81,13 @@ def measure(structure: Structure, horizon: Horizon, device: Device, parameters: 
         horizon: of the rollouts.
         device: to run on; compiled once for each.
         parameters: every leaf of shape (B,).
+        sentences: of the scenario's requirements.
     """
     plan = Plan.batch(horizon.steps, SEGMENT)
-    measured, health = _run(_metrics_of, structure, plan, horizon, device, parameters)
+    measured, health = _run(_metrics_of, structure, plan, horizon, device, parameters, sentences)
     check_finite(measured, health.status == Status.OK)
-    table = np.stack([measured[name] for name in METRICS], axis=1).astype(float)
+    names = (*METRICS, *(name for name, _ in sentences.forms))
+    table = np.stack([measured[name] for name in names], axis=1).astype(float)
     time = np.where(health.status == Status.OK, np.nan, health.step * horizon.step)
     return Measured(table, health.status.astype(np.int8), time)
 
@@ -91,39 +100,51 @@ def trace(structure: Structure, horizon: Horizon, device: Device, parameters: Pa
     return {name: np.where(lost, np.nan, series[name]) for name in SERIES}
 
 
-def compile_ahead(structure: Structure, horizon: Horizon, device: Device, parameters: Parameters) -> None:
+def compile_ahead(
+    structure: Structure,
+    horizon: Horizon,
+    device: Device,
+    parameters: Parameters,
+    sentences: Sentences = NO_SENTENCES,
+) -> None:
     """Compile what ``measure`` and ``trace`` run, with their arguments."""
-    for function, stride in ((_metrics_of, SEGMENT), (_series_of, horizon.stride)):
-        prepare(*_call(function, structure, Plan.batch(horizon.steps, stride), horizon, device, parameters))
+    place = (horizon, device, parameters)
+    prepare(*_call(_metrics_of, structure, Plan.batch(horizon.steps, SEGMENT), *place, sentences))
+    prepare(*_call(_series_of, structure, Plan.batch(horizon.steps, horizon.stride), *place))
 
 
-def _run(
-    function: Callable, structure: Structure, plan: Plan, horizon: Horizon, device: Device, parameters: Parameters
-) -> Any:
-    """Results of a program for all numbers, and for all horizons of one plan."""
-    return run(*_call(function, structure, plan, horizon, device, parameters))
+def _run(function: Callable, *arguments: Any) -> Any:
+    """Results of a program for all numbers, and for all horizons of one plan, with the arguments of ``_call``."""
+    return run(*_call(function, *arguments))
 
 
 def _call(
-    function: Callable, structure: Structure, plan: Plan, horizon: Horizon, device: Device, parameters: Parameters
+    function: Callable,
+    structure: Structure,
+    plan: Plan,
+    horizon: Horizon,
+    device: Device,
+    parameters: Parameters,
+    sentences: Sentences = NO_SENTENCES,
 ) -> tuple[Program, Device, tuple, tuple]:
     """Arguments of ``batch.run``."""
     dtype = np.dtype(horizon.precision)
-    parameters = jax.tree.map(lambda x: np.array(x, dtype, order="C"), parameters)
-    extent = (np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32))
-    return Program(function, (structure, plan, registered())), device, (parameters,), extent
+    parameters, numbers = jax.tree.map(lambda x: np.array(x, dtype, order="C"), (parameters, sentences.numbers))
+    shared = (np.asarray(horizon.step, dtype), np.asarray(horizon.steps, np.int32), numbers)
+    fixed = (structure, plan, (registered(), sentences.forms))
+    return Program(function, fixed), device, (parameters,), shared
 
 
 def _metrics_of(
-    structure: Structure, plan: Plan, metrics: Any, parameters: Parameters, step: Scalar, steps: Scalar
+    structure: Structure, plan: Plan, measured: Any, parameters: Parameters, step: Scalar, steps: Scalar, numbers: Any
 ) -> tuple[dict[str, Scalar], Health]:
-    horizon = {"duration": steps * step, "step": step}
+    horizon = {"duration": steps * step, "step": step, "sentences": Sentences(measured[1], numbers)}
     result = rollout(structure, parameters, step, steps, plan, observer.observer(structure, parameters, **horizon))
-    return observer.finish(result.total, **horizon), result.health
+    return observer.finish(result.total, **horizon, kept=result.kept), result.health
 
 
 def _series_of(
-    structure: Structure, plan: Plan, metrics: Any, parameters: Parameters, step: Scalar, steps: Scalar
+    structure: Structure, plan: Plan, measured: Any, parameters: Parameters, step: Scalar, steps: Scalar, numbers: Any
 ) -> tuple[dict[str, Scalar], Health]:
     result = rollout(structure, parameters, step, steps, plan, record=True)
     return jax.vmap(functools.partial(_point, structure, parameters))(*result.record), result.health

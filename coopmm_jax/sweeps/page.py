@@ -6,7 +6,6 @@ import json
 import shlex
 from collections.abc import Iterator
 
-from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.page import Page, Picture, Table, Text
 from coopmm_jax.sweeps.statistics import Results, damaged, failures, outcomes, sensitivities, spread, telling
 
@@ -41,7 +40,8 @@ def _parts(results: Results) -> Iterator[Table | Picture | Text]:
     ]
     yield Table("Requirements", ("requirement", "met", "probability", "95 % interval"), rows)
     yield Picture("Success probabilities and their intervals", "requirements.png")
-    found = [(METRICS[name], table) for name in results.metrics if (table := spread(results, name))]
+    known = results.scenario.requirements.metrics()
+    found = [(known[name], table) for name in results.metrics if (table := spread(results, name))]
     numbers = [
         (m.name, m.unit, *(f"{x:.4g}" for x in table[:4]), str(table.worst_sample), m.meaning) for m, table in found
     ]

@@ -15,7 +15,6 @@ import numpy as np
 
 from coopmm_jax.errors import one_line
 from coopmm_jax.files import write_csv, write_json, write_text
-from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.page import write_page
 from coopmm_jax.sweeps import page
 from coopmm_jax.sweeps.intervals import Interval
@@ -118,12 +117,12 @@ def _requirements(results: Results) -> list[str]:
 
 
 def _metrics(results: Results) -> list[str]:
-    width = max(map(len, results.metrics))
+    width, known = max(map(len, results.metrics)), results.scenario.requirements.metrics()
     lines = [f"{'metric':{width}} {'median':>11} {'5 %':>11} {'95 %':>11} {'worst':>11}  unit    of sample"]
     for metric in results.metrics:
         if table := spread(results, metric):
             numbers = " ".join(f"{x:11.4g}" for x in table[:4])
-            lines.append(f"{metric:{width}} {numbers}  {METRICS[metric].unit:7} {table.worst_sample}")
+            lines.append(f"{metric:{width}} {numbers}  {known[metric].unit:7} {table.worst_sample}")
     return lines if len(lines) > 1 else []
 
 

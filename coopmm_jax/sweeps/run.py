@@ -25,7 +25,6 @@ from tqdm import tqdm
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
 from coopmm_jax.memory import check_memory
-from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.runtime import xla_options
 from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.feasible import check_reference
@@ -176,7 +175,9 @@ def _contents(variation: Variation, sampling: str, keep: int, batch: int) -> Con
             "versions": json.dumps(versions() | {"xla_flags": xla_options()}),
         },
         parameters=Labels(*zip(*((n.name, n.unit, n.meaning) for n in numbers), strict=True)),
-        metrics=Labels(*zip(*((m.name, m.unit, m.meaning) for m in METRICS.values()), strict=True)),
+        metrics=Labels(
+            *zip(*((m.name, m.unit, m.meaning) for m in scenario.requirements.metrics().values()), strict=True)
+        ),
         series=Labels(tuple(SERIES), *zip(*SERIES.values(), strict=True)),
         times=_horizon(scenario).times(),
     )
@@ -217,6 +218,7 @@ def _fill(
     batches = share.batches(store.batches)
     missing = [batch for batch in batches if not store.done(batch)]
     structure, horizon = variation.structure(), _horizon(variation.scenario)
+    sentences = variation.scenario.requirements.sentences()
 
     def indices(batch: int) -> range:
         return range(batch * contents.batch_size, (batch + 1) * contents.batch_size)
@@ -232,7 +234,7 @@ def _fill(
         with naming(f"samples {indices(batch)[0]} to {indices(batch)[-1]}"):
             if indices(batch)[0] < contents.kept(store.samples):  # first, while another thread compiles what measures
                 rows |= measure.trace(structure, horizon, device, parameters)
-            rows |= measure.measure(structure, horizon, device, parameters)._asdict()
+            rows |= measure.measure(structure, horizon, device, parameters, sentences)._asdict()
         _write(store, batch, rows)
 
     done = (len(batches) - len(missing)) * contents.batch_size

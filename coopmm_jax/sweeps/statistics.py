@@ -120,6 +120,7 @@ def read_results(data: xarray.Dataset, scenario: Scenario | None = None) -> Resu
     for name in required:
         if name not in kept:
             raise UserError(f"requirements.{name}", "a metric that the sweep has measured", "not measured")
+    _check_sentences(scenario, store.scenario_of(data))
     chosen = [name for name in dict.fromkeys([*required, *shown()]) if name in kept]
     draws: dict[str, str] = {}
     for number in vary(scenario).numbers:
@@ -138,6 +139,20 @@ def read_results(data: xarray.Dataset, scenario: Scenario | None = None) -> Resu
         draws=draws,
         data=data,
     )
+
+
+def _check_sentences(scenario: Scenario, swept: Scenario) -> None:
+    """Refuse sentences that are not those of the sweep, whose robustness it has kept.
+
+    Raises:
+        UserError: one is another.
+    """
+    kept = {each.metric: each.sentence for each in swept.requirements.parsed()}
+    for each in scenario.requirements.parsed():
+        if each.sentence is not None and each.sentence != kept.get(each.metric):
+            before = kept.get(each.metric)
+            must = f'"{before.text}", as swept' if before else "a metric that the sweep has measured"
+            raise UserError(f"requirements.{each.metric}", must, f'"{each.sentence.text}"')
 
 
 def _columns(table: xarray.DataArray, names: Mapping[str, str], index: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.plotting.bands import band, finished, scale
 from coopmm_jax.plotting.lines import TIME
 from coopmm_jax.plotting.style import REFERENCE, WIDTH, GivenAxes, legend, panels, pen, plain, styled
@@ -116,7 +115,8 @@ def _strips(axes: Axes, compared: ComparedGains, limit: Requirement) -> None:
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xmargin(0.03)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(f"{limit} [{METRICS[limit.metric].unit}]")
+    unit = compared.scenario.requirements.metrics()[limit.metric].unit
+    axes.set_xlabel(f"{limit.short} [{unit}]")
     hatch_beyond(axes, limit)
 
 

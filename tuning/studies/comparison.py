@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import jax
 import numpy as np
 
-from coopmm_jax.metrics.table import METRICS
+from coopmm_jax.metrics.sentence import Sentences
 from coopmm_jax.parameters import Parameters
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.scenario.variation import batched
@@ -55,12 +55,13 @@ def compare(problem: Problem, vectors: np.ndarray, first: int, count: int) -> Co
     found = evaluate.evaluate(cost.objective, vectors, samples)
     horizon = _horizon(problem)
     measured = [_measured(problem, vector, samples, horizon) for vector in vectors]
+    names = problem.scenario.requirements.metrics()
     bands = problem.samples(first, min(count, BANDS))
     series = [_series(problem, vector, bands, horizon) for vector in vectors]
     return Comparison(
         costs=found.costs(cost.coefficients),
         terms=found.terms,
-        metrics={name: np.stack([one.metrics[:, i] for one in measured]) for i, name in enumerate(METRICS)},
+        metrics={name: np.stack([one.metrics[:, i] for one in measured]) for i, name in enumerate(names)},
         status=np.stack([one.status for one in measured]),
         times=horizon.times(),
         series={name: np.stack([one[name] for one in series]) for name in series[0]},
@@ -91,7 +92,11 @@ def stacked(rows: Sequence[tuple[Comparison, int]]) -> Comparison:
 def compile_ahead(problem: Problem) -> None:
     """Compile what ``compare`` runs but the costs."""
     parameters = _with_gains(problem, problem.start, problem.samples(0, 1), np.zeros(BATCH, int))
-    measure.compile_ahead(problem.variation.structure(), _horizon(problem), slots()[0], parameters)
+    measure.compile_ahead(problem.variation.structure(), _horizon(problem), slots()[0], parameters, _sentences(problem))
+
+
+def _sentences(problem: Problem) -> Sentences:
+    return problem.scenario.requirements.sentences()
 
 
 def _horizon(problem: Problem) -> Horizon:
@@ -110,7 +115,7 @@ def _measured(problem: Problem, vector: np.ndarray, samples: Samples, horizon: H
         with jax.enable_x64(True):
             parameters = _with_gains(problem, vector, samples, rows)
         with naming(f"samples {rows[0]} to {rows[-1]}"):
-            return measure.measure(problem.variation.structure(), horizon, device, parameters)
+            return measure.measure(problem.variation.structure(), horizon, device, parameters, _sentences(problem))
 
     return in_batches(compute, len(samples), BATCH)
 

@@ -1,0 +1,103 @@
+"""Signals that sentences of [requirements] speak of: name, unit, meaning; known without JAX.
+
+``metrics/signal_values.py`` computes them. A plugin adds signals of its own by ``@register("signal", name)``; the
+quantity of a plugin's metric is a signal, too.
+
+>>> SIGNALS["torque_1[joint_2]"].unit
+'N m'
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from coopmm_jax.kinds.signals import added
+from coopmm_jax.metrics.table import of_plugins
+
+# Typical sizes by unit, by which margins are divided where no limit gives a size.
+_SIZES = {"N": 1.0, "N m": 1.0, "m": 0.01, "rad": 0.01, "rad, m": 0.01}
+
+
+class SignalAbout(NamedTuple):
+    """One signal of a rollout, a number at each sample."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+_ROBOTS = {"1": "robot I", "2": "robot II"}
+_COORDINATES = {"z1": "rad", "z2": "m", "z3": "m", "a1": "rad", "a2": "rad", "a3": "rad"}
+RATES = {"u1": "rad/s", "u2": "m/s", "a1_rate": "rad/s", "a2_rate": "rad/s", "a3_rate": "rad/s"}
+ACTUATORS = ("right_wheel", "left_wheel", "joint_1", "joint_2", "joint_3")
+
+
+def _errors() -> Iterator[SignalAbout]:
+    yield SignalAbout("tracking_error", "rad, m", "norm of all heading, position and arm errors")
+    for i, robot in _ROBOTS.items():
+        yield SignalAbout(f"heading_error_{i}", "rad", f"size of platform angle z1 of {robot} less the desired one")
+        yield SignalAbout(f"position_error_{i}", "m", f"distance of (z2, z3) of {robot} from the desired ones")
+        yield SignalAbout(f"arm_error_{i}", "rad", f"size of arm yaw a1 of {robot} less the desired one")
+    yield SignalAbout("object_error", "m", "distance of the object from its desired point")
+    yield SignalAbout("relative_tip_error", "m", "distance of tip I from its desired point on the object's arc")
+
+
+def _by_entry() -> Iterator[SignalAbout]:
+    for i, robot in _ROBOTS.items():
+        for entry, unit in _COORDINATES.items():
+            yield SignalAbout(f"position_{i}[{entry}]", unit, f"{entry} of {robot}")
+        for entry in ("z1", "z2", "z3", "a1"):
+            about = f"desired {entry} of {robot}" + (", on the robot's own turn" if entry in ("z1", "a1") else "")
+            yield SignalAbout(f"desired_{i}[{entry}]", _COORDINATES[entry], about)
+        for entry, unit in RATES.items():
+            yield SignalAbout(f"velocity_{i}[{entry}]", unit, f"{entry} of {robot}")
+        for actuator in ACTUATORS:
+            about = f"{actuator.replace('_', ' ')} of {robot}"
+            yield SignalAbout(f"torque_{i}[{actuator}]", "N m", f"torque of {about}")
+            yield SignalAbout(f"commanded_{i}[{actuator}]", "N m", f"torque of {about} before limits and lag")
+
+
+_TABLE = (
+    SignalAbout("t", "s", "time"),
+    *_errors(),
+    SignalAbout("contact_force", "N", "normal contact force; positive where it presses"),
+    SignalAbout("desired_force", "N", "desired normal contact force"),
+    SignalAbout("force_error", "N", "normal contact force less the desired one"),
+    SignalAbout("internal_force", "N", "largest size of the other constraint forces; 0 if there are no other rows"),
+    SignalAbout("gap", "m", "distance of the tip from a compliant surface; 0 in contact, and of a rigid one"),
+    SignalAbout("torque", "N m", "largest size of the ten actuators' torques"),
+    SignalAbout("c_hat", "-", "largest estimate c_hat of an uncertainty bound; 0 of a controller without"),
+    SignalAbout("constraint_residual", "m", "largest size of a constraint residual phi"),
+    SignalAbout("determinant", "-", "smallest |det J_dep| of an arm over its first: 0 where an arm is singular"),
+    *_by_entry(),
+)
+BUILT_IN = {signal.name: signal for signal in _TABLE}
+
+
+class _Signals(Mapping[str, SignalAbout]):
+    """Signals by name, built-in ones first; those of plugins are there once they are loaded."""
+
+    def __getitem__(self, name: str) -> SignalAbout:
+        if name in BUILT_IN:
+            return BUILT_IN[name]
+        made = (added().get(name) or of_plugins()[name]).made
+        return SignalAbout(name, made.unit, made.meaning)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys((*BUILT_IN, *added(), *of_plugins())))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+
+SIGNALS = _Signals()
+
+
+def typical_size(unit: str) -> float:
+    """Scale of margins [unit] where no limit gives one.
+
+    >>> typical_size("N"), typical_size("furlong")
+    (1.0, 1.0)
+    """
+    return _SIZES.get(unit, 1.0)
