@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import venv
 from pathlib import Path
 from zipfile import ZipFile
@@ -66,6 +67,36 @@ def test_wheel_holds_both_packages_with_their_data_and_nothing_else(folder, whee
     assert names == {path.relative_to(source).as_posix() for path in files}
     kinds = {"coopmm_jax/py.typed", "tuning/py.typed", "coopmm_jax/scenarios/paper.toml"}
     assert names > kinds | {"coopmm_jax/animation/player.html"}
+
+
+def test_source_distribution_holds_the_whole_tree(folder, wheel):
+    """All of it, so that ``make test`` and ``make docs`` work there as in a checkout."""
+    source = folder / "source"
+    whole = {path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()}
+    tree = {name for name in whole if not name.startswith(("build/", "coopmm_jax.egg-info/"))}  # left by the wheel
+    code = f"import setuptools.build_meta as made; made.build_sdist({str(folder)!r})"
+    run(sys.executable, "-c", code, cwd=source)
+    (built,) = folder.glob("*.tar.gz")
+    with tarfile.open(built) as archive:
+        names = {member.name.partition("/")[2] for member in archive if member.isfile()}
+    made = {"PKG-INFO", "setup.cfg"}
+    assert {name for name in names - made if not name.startswith("coopmm_jax.egg-info/")} == tree
+
+
+def test_what_a_package_index_shows(folder, wheel):
+    with ZipFile(wheel) as archive:
+        (about,) = (archive.read(name).decode() for name in archive.namelist() if name.endswith("/METADATA"))
+    fields = [line.partition(": ")[::2] for line in about.partition("\n\n")[0].splitlines()]
+    assert {value for name, value in fields if name == "Provides-Extra"} == {
+        "bench",
+        "cluster",
+        "docs",
+        "notebooks",
+        "test",
+    }
+    assert ("License-Expression", "MIT") in fields
+    assert ("Classifier", "Typing :: Typed") in fields
+    assert wheel.stat().st_size < 1_000_000
 
 
 def test_modules_come_from_the_wheel(folder, programs):
