@@ -17,14 +17,11 @@ if TYPE_CHECKING:
 
 def write_run(folder: Path, scenario: Scenario, trajectory: Trajectory) -> None:
     """Write one simulation: its scenario, ``trajectory.npz`` (arrays by name), ``summary.json`` and ``metrics.csv``."""
-    from coopmm_jax.metrics.table import METRICS  # imports JAX
-
     write_text(folder / "scenario.toml", scenario.to_toml())
     arrays = {name: getattr(trajectory, name) for name in trajectory.arrays}
     write_npz(folder / "trajectory.npz", arrays)
-    rows = (
-        [name, repr(value), METRICS[name].unit, METRICS[name].meaning] for name, value in trajectory.metrics.items()
-    )
+    known = scenario.requirements.metrics()
+    rows = ([name, repr(value), known[name].unit, known[name].meaning] for name, value in trajectory.metrics.items())
     write_csv(folder / "metrics.csv", ["metric", "value", "unit", "meaning"], rows)
     write_json(folder / "summary.json", summary(scenario, trajectory))
 

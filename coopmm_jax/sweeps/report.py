@@ -159,8 +159,11 @@ def _write_tables(folder: Path, results: Results) -> None:
     """Write requirements.csv, metrics.csv and importance.csv, in full precision."""
     met = [[row.requirement, row.passed, row.samples, *row.success] for row in outcomes(results)]
     write_csv(folder / "requirements.csv", ["requirement", "met", "samples", "probability", "low", "high"], met)
-    tables = {metric: spread(results, metric) for metric in results.metrics}
-    spreads = [[metric, METRICS[metric].unit, *table] for metric, table in tables.items() if table]
+    tables, known = (
+        {metric: spread(results, metric) for metric in results.metrics},
+        results.scenario.requirements.metrics(),
+    )
+    spreads = [[metric, known[metric].unit, *table] for metric, table in tables.items() if table]
     header = ["metric", "unit", "median", "quantile_05", "quantile_95", "worst", "worst_sample"]
     write_csv(folder / "metrics.csv", header, spreads)
     causes = [
