@@ -16,7 +16,12 @@ ENTRIES = {
     "disturbance.scale": {"distribution": "log_uniform", "low": 0.1, "high": 1e6},  # the strongest end in failure
     "disturbance.phase": {"distribution": "uniform", "low": 0.0, "high": 6.0},
 }
-REQUIRED = {"force_min": ">= -90", "torque_peak": "<= 200"}
+# One whose robustness is gathered while a rollout goes on, one that needs all samples.
+SENTENCES = {
+    "presses": "always[0.01, 0.04] contact_force >= -80",
+    "recovers": "always[0, 0.03] (contact_force <= -60 implies eventually[0, 0.02] contact_force >= -20)",
+}
+REQUIRED = {"force_min": ">= -90", "torque_peak": "<= 200"} | SENTENCES
 
 
 def bits(data):

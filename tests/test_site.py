@@ -15,6 +15,7 @@ import coopmm_jax
 import tuning
 from coopmm_jax import cli
 from coopmm_jax.kinds import cost_terms
+from coopmm_jax.metrics.signals import SIGNALS
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.scenario import catalogue
 from coopmm_jax.scenario.scenario import shipped
@@ -91,6 +92,8 @@ def test_reference_has_everything_that_the_code_has(site):
     }
     metrics = text_of(site, "reference/metrics.html")
     assert [name for name in METRICS if f"<code>{name}</code>" not in metrics] == []
+    signals = text_of(site, "reference/signals.html")
+    assert [name for name in SIGNALS if f"<code>{name}</code>" not in signals] == []
     uncertainty = text_of(site, "reference/uncertainty.html")
     assert all(f"<code>{name}</code>" in uncertainty for name in shapes())
     cost = text_of(site, "reference/cost.html")

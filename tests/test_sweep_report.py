@@ -15,7 +15,7 @@ from coopmm_jax.sweeps import figures, report, statistics
 from coopmm_jax.sweeps.measure import SERIES
 from coopmm_jax.sweeps.statistics import read_results
 from tests.reading import Reading
-from tests.sweeps import REQUIRED
+from tests.sweeps import REQUIRED, SENTENCES
 
 
 def test_report_numbers(thousand):
@@ -24,20 +24,33 @@ def test_report_numbers(thousand):
     ok = thousand.status.values == Status.OK
     pressing = ok & (table["force_min"] >= -90)
     calm = ok & (table["torque_peak"] <= 200)
+    spoken = [ok & (table[name] >= 0) for name in SENTENCES]
     rows = statistics.outcomes(results)
-    assert [row.passed for row in rows] == [ok.sum(), pressing.sum(), calm.sum(), (pressing & calm).sum()]
-    assert 0 < rows[3].passed < rows[0].passed < 1000
+    all_met = np.logical_and.reduce([pressing, calm, *spoken])
+    assert [row.passed for row in rows] == [int(met.sum()) for met in (ok, pressing, calm, *spoken, all_met)]
+    assert 0 < rows[-1].passed < rows[0].passed < 1000
     force = table["force_min"][ok]
     summary = statistics.spread(results, "force_min")
     assert summary[:4] == (np.median(force), *np.quantile(force, [0.05, 0.95]), force.min())
     assert table["force_min"][summary.worst_sample] == force.min()
     assert statistics.spread(results, "force_max").worst == table["force_max"][ok].max()
+    distance = {each.metric: statistics.robustness(results, each) for each in results.requirements}
+    assert distance["torque_peak"].worst == pytest.approx(200 - table["torque_peak"][ok].max(), rel=1e-12)
+    assert distance["recovers"].median == pytest.approx(np.median(table["recovers"][ok]), rel=1e-12)
+
+
+def test_a_failed_rollout_is_below_every_other(thousand):
+    failed, share = thousand.status.values != Status.OK, thousand.status_time.values / 0.05
+    for name, scale in (("presses", 80.0), ("recovers", 60.0)):
+        robustness = thousand.metrics.sel(metric=name).values
+        assert robustness[~failed].min() > -1e6
+        np.testing.assert_allclose(robustness[failed], -1e6 * scale * (2 - share[failed] * 50 / 51), rtol=1e-12)
 
 
 def test_what_matters_is_found(thousand):
     results = read_results(thousand)
     assert statistics.telling(results) == ["completed", *REQUIRED]
-    for metric in statistics.telling(results):
+    for metric in ("completed", "force_min", "torque_peak"):
         strongest, interval = next(iter(statistics.sensitivities(results, metric).items()))
         assert strongest == "disturbance.scale"
         assert interval.low < interval.estimate < interval.high
@@ -82,7 +95,12 @@ def test_figures_show_the_numbers(kept):
     median = bands.axes[2].lines[0]
     np.testing.assert_allclose(median.get_ydata(), np.nanmedian(kept.contact_force.values, axis=0), rtol=1e-12)
     limits = figures.sweep_requirements(kept).axes
-    assert [axes.get_xlabel() for axes in limits] == ["force_min [N]", "torque_peak [N m]"]
+    assert [axes.get_xlabel() for axes in limits] == [
+        "force_min [N]",
+        "torque_peak [N m]",
+        "presses [N]",
+        "recovers [N]",
+    ]
     assert limits[0].get_title().startswith("force_min >= -90\nmet by 0.")
     assert sum(patch.get_height() for patch in limits[0].containers[0]) == (kept.status.values == 0).sum()
     importance = figures.sweep_importance(kept).axes
@@ -104,7 +122,7 @@ def test_figures_refuse_what_they_cannot_draw(thousand, sweep, scenario):
 def test_simulate_from_a_store(sweep, thousand, tmp_path, capsys):
     sweep(8, out=tmp_path / "sweep.zarr")
     assert main(["simulate", "--from", str(tmp_path / "sweep.zarr"), "--sample", "5"]) == 0
-    *_, calm = lines = capsys.readouterr().out.splitlines()
+    *_, calm, _, _ = lines = capsys.readouterr().out.splitlines()
     force, torque = (float(thousand.metrics.sel(metric=name)[5]) for name in ("force_min", "torque_peak"))
     assert dict(line.split()[:2] for line in lines[2:])["force_min"] == f"{force:.6g}"
     met = "met" if torque <= 200 else "not met"
@@ -129,7 +147,7 @@ def test_html_is_compact_and_starts_with_what_every_sample_has(kept):
 
 def test_requirements_are_drawn_where_no_sample_completes(kept):
     lost = kept.isel(sample=kept.status.values != Status.OK)
-    assert [axes.get_yscale() for axes in figures.sweep_requirements(lost).axes] == ["linear", "linear"]
+    assert [axes.get_yscale() for axes in figures.sweep_requirements(lost).axes] == ["linear"] * 4
 
 
 def test_bars_keep_their_width_far_from_the_limit(kept):

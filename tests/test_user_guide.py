@@ -18,6 +18,11 @@ PAGES = ("own_robots", "own_task", "own_requirement", "own_optimiser", "results"
 TEXTS = {page: (DOCS / "howto" / f"{page}.md").read_text(encoding="utf-8") for page in PAGES}
 START = (DOCS / "start.md").read_text(encoding="utf-8")
 FULL = shlex.split("--law.feedforward full")  # the programs of sensed, which others compile
+# Windows that begin within a short run; what else the sentences say is as on the page.
+TIMELY = [
+    *("--simulation.duration", "0.1", "--requirements.keeps-pressing", "always[0.05, 20] contact_force >= 5"),
+    *("--requirements.follows.require", "always[0.05, inf] abs(contact_force - desired_force) <= 3"),
+]
 SWEPT = shlex.split("--samples 16 --batch 16 --keep 2")
 
 # The words that make small what begins so; none where the scenario file that is named is small itself.
@@ -28,7 +33,9 @@ SMALL = {
     "coopmm simulate mine.toml": FULL,
     "coopmm simulate sensed": SHORT,
     "coopmm simulate": [],
+    "coopmm simulate timely.toml": [*FULL, *TIMELY],
     "coopmm sweep mine.toml": [*FULL, *SWEPT],
+    "coopmm sweep timely.toml": [*FULL, *TIMELY, *SWEPT],
     "coopmm sweep sensed --samples 4096 --rank": [*SHORT, *shlex.split("--samples 32 --batch 16 --keep 2")],
     "coopmm sweep sensed --samples 8192 --resume": [*SHORT, *shlex.split("--samples 48 --batch 16 --keep 2")],
     "coopmm sweep": [*SHORT, *SWEPT],

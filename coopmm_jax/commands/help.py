@@ -68,7 +68,7 @@ def _more(section: str, label: str, scenario: Scenario | None) -> Iterator[str]:
         fields = Distribution.model_fields.items()
         yield from (f"  {name:28} {info.description}" for name, info in fields if info.description)
     if section == "requirements":
-        yield "  coopmm metrics lists what can be required"
+        yield "  coopmm metrics lists what can be required, and the signals that sentences speak of"
     if scenario is not None and section in _FREE:
         table = scenario.model_dump(exclude_none=True, exclude_defaults=section == "uncertainty", include={section})
         yield from ("", f"{label} has", "", tomli_w.dumps(table).rstrip("\n"))

@@ -7,7 +7,16 @@ import shlex
 from collections.abc import Iterator
 
 from coopmm_jax.page import Page, Picture, Table, Text
-from coopmm_jax.sweeps.statistics import Results, damaged, failures, outcomes, sensitivities, spread, telling
+from coopmm_jax.sweeps.statistics import (
+    Results,
+    damaged,
+    failures,
+    outcomes,
+    robustness,
+    sensitivities,
+    spread,
+    telling,
+)
 
 _FAILED = 100  # samples that are listed; failed.csv has them all
 
@@ -41,6 +50,14 @@ def _parts(results: Results) -> Iterator[Table | Picture | Text]:
     yield Table("Requirements", ("requirement", "met", "probability", "95 % interval"), rows)
     yield Picture("Success probabilities and their intervals", "requirements.png")
     known = results.scenario.requirements.metrics()
+    distances = [
+        (str(each), known[each.metric].unit, *(f"{x:.4g}" for x in table[:4]), str(table.worst_sample))
+        for each in results.requirements
+        if (table := robustness(results, each))
+    ]
+    if distances:
+        header = ("requirement", "unit", "median", "5 %", "95 %", "worst", "of sample")
+        yield Table("Robustness: distance from the limit, negative where it is broken", header, distances)
     found = [(known[name], table) for name in results.metrics if (table := spread(results, name))]
     numbers = [
         (m.name, m.unit, *(f"{x:.4g}" for x in table[:4]), str(table.worst_sample), m.meaning) for m, table in found

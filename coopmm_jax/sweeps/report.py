@@ -20,10 +20,12 @@ from coopmm_jax.sweeps import page
 from coopmm_jax.sweeps.intervals import Interval
 from coopmm_jax.sweeps.statistics import (
     Results,
+    Spread,
     damaged,
     failures,
     outcomes,
     read_results,
+    robustness,
     sensitivities,
     spread,
     telling,
@@ -50,7 +52,7 @@ def text(results: Results) -> str:
     head += [f"damaged, and not counted: {text}" for text in damaged(results.data)]
     if not results.completed.any():
         head.insert(0, f"all {n} samples failed: none reached {settings.duration:g} s")
-    parts = [head, _requirements(results), _metrics(results), _matters(results), _failed(results)]
+    parts = [head, _requirements(results), _robustness(results), _metrics(results), _matters(results), _failed(results)]
     return "\n\n".join("\n".join(part) for part in parts if part)
 
 
@@ -97,6 +99,11 @@ def summary(results: Results) -> dict:
             row.requirement: {"passed": row.passed, "samples": row.samples, **row.success._asdict()}
             for row in outcomes(results)
         },
+        "robustness": {
+            str(each): {**table._asdict(), "scale": each.scale}
+            for each in results.requirements
+            if (table := robustness(results, each))
+        },
         "metrics": {metric: table._asdict() for metric, table in tables.items() if table},
         "rank_correlation": {
             metric: {draw: interval._asdict() for draw, interval in sensitivities(results, metric).items()}
@@ -116,13 +123,23 @@ def _requirements(results: Results) -> list[str]:
     return lines
 
 
+def _robustness(results: Results) -> list[str]:
+    rows = [(str(each), each.metric, robustness(results, each)) for each in results.requirements]
+    return _spreads(results, "robustness", rows)
+
+
 def _metrics(results: Results) -> list[str]:
-    width, known = max(map(len, results.metrics)), results.scenario.requirements.metrics()
-    lines = [f"{'metric':{width}} {'median':>11} {'5 %':>11} {'95 %':>11} {'worst':>11}  unit    of sample"]
-    for metric in results.metrics:
-        if table := spread(results, metric):
+    return _spreads(results, "metric", [(metric, metric, spread(results, metric)) for metric in results.metrics])
+
+
+def _spreads(results: Results, title: str, rows: list[tuple[str, str, Spread | None]]) -> list[str]:
+    """Table of distributions, each with its label and the metric whose unit it has."""
+    width, known = max((len(label) for label, *_ in rows), default=0), results.scenario.requirements.metrics()
+    lines = [f"{title:{width}} {'median':>11} {'5 %':>11} {'95 %':>11} {'worst':>11}  unit    of sample"]
+    for label, metric, table in rows:
+        if table:
             numbers = " ".join(f"{x:11.4g}" for x in table[:4])
-            lines.append(f"{metric:{width}} {numbers}  {known[metric].unit:7} {table.worst_sample}")
+            lines.append(f"{label:{width}} {numbers}  {known[metric].unit:7} {table.worst_sample}")
     return lines if len(lines) > 1 else []
 
 

@@ -180,10 +180,20 @@ def outcomes(results: Results) -> list[Outcome]:
 
 def spread(results: Results, metric: str) -> Spread | None:
     """Quantiles and worst sample of a metric; None if no sample was completed."""
-    values, index = results.metrics[metric][results.completed], results.index[results.completed]
+    return _spread(results, results.metrics[metric], results.low_is_bad(metric))
+
+
+def robustness(results: Results, requirement: Requirement) -> Spread | None:
+    """Distribution of the distance from a limit, in the metric's unit and negative where it is broken."""
+    distance = requirement.robustness(results.metrics[requirement.metric]) * requirement.scale
+    return _spread(results, distance, low_is_bad=True)
+
+
+def _spread(results: Results, values: np.ndarray, low_is_bad: bool) -> Spread | None:
+    values, index = values[results.completed], results.index[results.completed]
     if not len(values):
         return None
-    worst = values.argmin() if results.low_is_bad(metric) else values.argmax()
+    worst = values.argmin() if low_is_bad else values.argmax()
     median, low, high = map(float, np.quantile(values, [0.5, LOW, HIGH]))
     return Spread(median, low, high, float(values[worst]), int(index[worst]))
 
@@ -253,7 +263,7 @@ def damaged(data: xarray.Dataset) -> list[str]:
 
 def failures(results: Results) -> list[tuple[int, str, float | None, list[str]]]:
     """Index, status, time [s] and broken requirements of samples without success; those not completed come first."""
-    met = {str(requirement): results.met(requirement) for requirement in results.requirements}
+    met = {requirement.short: results.met(requirement) for requirement in results.requirements}
     rows = []
     for i in np.flatnonzero(~np.logical_and.reduce([results.completed, *met.values()])):
         time = float(results.status_time[i])

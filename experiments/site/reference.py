@@ -12,6 +12,8 @@ import tuning
 from coopmm_jax import cli
 from coopmm_jax.commands.fields import shown
 from coopmm_jax.kinds import cost_terms, registry
+from coopmm_jax.metrics import grammar
+from coopmm_jax.metrics.signals import SIGNALS
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.scenario import catalogue
 from coopmm_jax.scenario.catalogue import NOT_GIVEN, Entry
@@ -28,6 +30,7 @@ def pages() -> dict[str, str | bytes]:
         "reference/fields.md": fields(),
         "reference/kinds.md": kinds(),
         "reference/metrics.md": metrics(),
+        "reference/signals.md": signals(),
         "reference/uncertainty.md": uncertainty(),
         "reference/cost.md": cost(),
         "reference/commands.md": commands(),
@@ -83,6 +86,19 @@ def metrics() -> str:
     )
 
 
+def signals() -> str:
+    """Every signal with its unit and meaning, and the grammar of sentences."""
+    rows = ((f"`{signal.name}`", signal.unit, signal.meaning) for signal in SIGNALS.values())
+    rules = (grammar.__doc__ or "").partition("\n\n")[2].partition("\n\nWhat stands")[0]
+    return (
+        "# Signals and sentences\n\nA sentence in `[requirements]` speaks of these numbers, which every rollout has at "
+        "each step: `coopmm metrics` prints this table. [A requirement of your own](../howto/own_requirement.md) has "
+        f"examples.\n\n{table(('signal', 'unit', 'meaning'), rows)}\n## Grammar\n\n{rules}\n\n"
+        "`always` and `eventually` bind what follows next; `and` binds more tightly than `or`, and that than "
+        "`implies`. `<` and `>` are read as `<=` and `>=`."
+    )
+
+
 def uncertainty() -> str:
     """Distributions, and forms of a requirement."""
     forms = ((f"`{name}`", ", ".join(f"`{number}`" for number in numbers)) for name, numbers in shapes().items())
@@ -97,7 +113,7 @@ def uncertainty() -> str:
         '`{ distribution = "none" }` drops what a base says.\n\n'
         f"{table(('distribution', 'numbers'), forms)}\n{table(('option', 'meaning'), options)}\n"
         "## Requirements\n\nA line of `[requirements]` names a [metric](metrics.md) and the limit that every sample "
-        'has to keep; `"none"` drops a base\'s.\n\n'
+        'has to keep; `"none"` drops a base\'s. A line of another name is a sentence over [signals](signals.md).\n\n'
         f"{table(('relation', 'example'), limits)}"
     )
 
