@@ -94,7 +94,13 @@ def test_figures_show_the_numbers(kept):
     bands = figures.sweep_bands(kept)
     median = bands.axes[2].lines[0]
     np.testing.assert_allclose(median.get_ydata(), np.nanmedian(kept.contact_force.values, axis=0), rtol=1e-12)
+    (desired,) = (line for line in bands.axes[2].lines if line.get_label() == "desired")
+    assert set(desired.get_ydata()) == {15.0}
+    (limit,) = (line for line in bands.axes[3].lines if line.get_label() == "limit")
+    assert limit.get_ydata().tolist() == [200.0, 200.0]
     limits = figures.sweep_requirements(kept).axes
+    (beyond,) = (patch for patch in limits[0].patches if patch.get_hatch())
+    assert beyond.get_zorder() < limits[0].containers[0][0].get_zorder()
     assert [axes.get_xlabel() for axes in limits] == [
         "force_min [N]",
         "torque_peak [N m]",

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
 
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
-VELOCITIES = ("u1", "u2", "a1", "a2", "a3")  # of one robot; each entry of sigma is the error of one of them
+# Of one robot; each entry of sigma is the error of one of them.
+VELOCITIES = ("u1 turning", "u2 driving", "a1 yaw rate", "a2 pitch rate", "a3 pitch rate")
 ACTUATORS = ("right wheel", "left wheel", "joint 1", "joint 2", "joint 3")
 BOUNDS = ("inertia", "Coriolis", "Coriolis rate", "gravity", "disturbance")  # what each c_k bounds
 
@@ -111,7 +112,7 @@ def adaptation(*trajectories: Trajectory, labels: Sequence[str] | None = None, a
 
 def torque_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
     """Draw all five torques of one robot [N m]."""
-    time_panel(axes, group, dict(_torques(robot)), f"torques of {robot} [N m]")
+    time_panel(axes, group, dict(_torques(robot)), f"torques of {robot} [N m]", title=f"Motor torques of robot {robot}")
 
 
 def sigma_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
@@ -121,7 +122,8 @@ def sigma_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
         UserError: a controller that does not record it.
     """
     _check_recorded(group, "sigma")
-    time_panel(axes, group, _of_robot("sigma", group, robot), f"{SIGMA} of {robot} [rad/s, m/s]")
+    title = f"{SIGMA}: filtered velocity errors of robot {robot}, which (18) drives to 0"
+    time_panel(axes, group, _of_robot("sigma", group, robot), f"{SIGMA} of {robot} [rad/s, m/s]", title=title)
 
 
 def bounds_panel(axes: Axes, group: Sequence[Run]) -> None:
@@ -131,7 +133,8 @@ def bounds_panel(axes: Axes, group: Sequence[Run]) -> None:
         UserError: a controller that does not record it.
     """
     _check_recorded(group, "c_hat")
-    time_panel(axes, group, _entries("c_hat", BOUNDS), "ĉ [N m per unit of f]")
+    title = "ĉ: estimated bounds of the uncertainty, by what they bound"
+    time_panel(axes, group, _entries("c_hat", BOUNDS), "ĉ [N m per unit of f]", title=title)
 
 
 def shown_panels(panels: Sequence[Axes], group: Sequence[Run]) -> None:
@@ -140,13 +143,14 @@ def shown_panels(panels: Sequence[Axes], group: Sequence[Run]) -> None:
     for panel, name in zip(panels, shown(law)):
         signal = signals_of(law)[name]
         label, bracket, unit = (signal.label or f"{plain(name)} [{signal.unit}]").partition(" [")
+        of, quantities = "", {plain(name): lambda run, name=name: getattr(run, name)}
         if signal.per == "independent":
-            time_panel(panel, group, _of_robot(name, group, "I"), f"{label} of I{bracket}{unit}")
-        elif signal.per is None:
-            time_panel(panel, group, {plain(name): lambda run, name=name: getattr(run, name)}, label + bracket + unit)
-        else:
+            of, quantities = " of I", _of_robot(name, group, "I")
+        elif signal.per is not None:
             entries = BOUNDS if signal.per == "bound" else group[0].trajectory.entries_of(name)
-            time_panel(panel, group, _entries(name, entries), label + bracket + unit)
+            quantities = _entries(name, entries)
+        title = f"{label}{of}: {plain(signal.meaning)}"
+        time_panel(panel, group, quantities, f"{label}{of}{bracket}{unit}", title=title)
 
 
 def _entries(name: str, labels: Sequence[str]) -> dict[str, Quantity]:

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.plotting import style
+from coopmm_jax.plotting.limits import draw_limits
 from coopmm_jax.plotting.lines import Quantity, Run, longest, runs, samples, time_panel
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 START = 1.0  # [s] shown of a run's start, or a twentieth of the run if that is less
 FEWEST = 20  # samples shown of a run's start, unless the run has less
-LOST = {"facecolor": "none", "edgecolor": "0.4", "hatch": "/////", "linewidth": 0.0}  # unlike a reference, even in grey
+LOST: dict[str, Any] = style.BEYOND | {"zorder": 1.0}  # unlike a reference, even in grey
 SMALLEST = 1e-16  # [m], rounding of the lengths here, so that zero has a place on a logarithmic axis
 
 
@@ -110,6 +111,7 @@ def contact_panel(axes: Axes, group: Sequence[Run], window: tuple[float, float] 
     """Draw lambda_n of every run and its desired value [N] between two times [s]."""
     desired = {"desired": lambda run: run.constraint_force_desired[:, 0]}
     time_panel(axes, group, {"normal": _normal}, "contact force [N]", desired, window)
+    draw_limits(axes, group[0].trajectory.scenario, "contact_force", group[0].trajectory.t, window)
     label = "contact lost"
     for run in group:
         t, force = samples(run.trajectory, _normal, window)
@@ -118,7 +120,7 @@ def contact_panel(axes: Axes, group: Sequence[Run], window: tuple[float, float] 
             label = "_lost"  # one entry in the legend
         if hatch_open(axes, run.trajectory, window, label=label, **LOST):
             label = "_lost"
-    style.legend(axes)
+    style.legend(axes, title="Contact force, along the surface's normal")
 
 
 def hatch_open(axes: Axes, run: Trajectory, window: tuple[float, float] = (-np.inf, np.inf), **look: Any) -> bool:
@@ -137,31 +139,35 @@ def contact_start_panel(axes: Axes, group: Sequence[Run]) -> None:
     t = longest(group).t
     last = min(max(len(t) // 20, FEWEST), len(t) - 1)
     contact_panel(axes, group, (0.0, min(START, t[last]) if len(t) else 0.0))
-    _without_legend(axes)
+    _titled(axes, "the same at the start")
 
 
 def contact_settled_panel(axes: Axes, group: Sequence[Run]) -> None:
     """Draw the contact force from the first quarter on, on its own scale; the legend is the contact panel's."""
     t = longest(group).t
     contact_panel(axes, group, (t[len(t) // 4] if len(t) else 0.0, np.inf))
-    _without_legend(axes)
+    _titled(axes, "the same from a quarter on")
 
 
 def multipliers_panel(axes: Axes, group: Sequence[Run]) -> None:
     """Draw the multipliers of every row [N]."""
-    time_panel(axes, group, _by_row(group, lambda run: run.constraint_force), "constraint forces [N]")
+    title = "Constraint forces λ of (9), by constraint"
+    forces = _by_row(group, lambda run: run.constraint_force)
+    time_panel(axes, group, forces, "constraint forces [N]", title=title)
 
 
 def residual_panel(axes: Axes, group: Sequence[Run]) -> None:
     """Draw the largest |phi| of every row so far [m]; |phi| itself dips to zero wherever phi changes sign."""
     sizes = _by_row(group, lambda run: np.maximum.accumulate(np.abs(run.constraint_residual)) + SMALLEST)
     axes.set_yscale("log")
-    time_panel(axes, group, sizes, "residual so far [m]")
+    time_panel(axes, group, sizes, "residual so far [m]", title="Largest |φ| so far, by constraint")
 
 
-def _without_legend(axes: Axes) -> None:
+def _titled(axes: Axes, title: str) -> None:
+    """Say what part of a run a panel shows, in the place of a legend that stands beside another panel."""
     if (legend := axes.get_legend()) is not None:
         legend.remove()
+    axes.set_title(title, loc="left", fontsize=8)
 
 
 def _normal(run: Trajectory) -> np.ndarray:

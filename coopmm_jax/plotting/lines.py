@@ -87,6 +87,7 @@ def time_panel(
     unit: str,
     reference: Mapping[str, Quantity] | None = None,
     window: tuple[float, float] = (-np.inf, np.inf),
+    title: str = "",
 ) -> None:
     """Draw quantities of every run over time, with references, and a mark where a run failed.
 
@@ -99,6 +100,7 @@ def time_panel(
         unit: label of the vertical axis, with its unit.
         reference: like ``quantities``, taken from the longest run.
         window: first and last time to show [s].
+        title: what the panel shows, above its legend.
     """
     crossed = len(group) > 1 and len(quantities) > 1
     for i, run in enumerate(group):
@@ -112,7 +114,7 @@ def time_panel(
     axes.set_xlabel(TIME)
     axes.set_ylabel(unit)
     key = _key(list(quantities), [run.label for run in group]) if crossed else []
-    style.legend(axes, [*key, *axes.get_legend_handles_labels()[0]])
+    style.legend(axes, [*key, *axes.get_legend_handles_labels()[0]], title)
 
 
 def _key(dashes: Sequence[str], colours: Sequence[str]) -> list[Line2D]:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
 
 ROBOTS = ("I", "II")
+ERRORS = ("e1 angle", "e2 lateral", "e3 forward")  # of the chained form (6)
 
 
 def robot_index(robot: str) -> int:
@@ -167,14 +168,15 @@ def paths_panel(axes: Axes, group: Sequence[Run]) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    style.legend(axes)
+    style.legend(axes, title="Paths of the platforms, from above")
 
 
 def errors_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
     """Draw the errors of the chained form of one robot [rad, m]."""
     i = robot_index(robot)
-    errors = {f"e{j + 1}": lambda run, j=j: run.zeta[:, i, j] - run.zeta_desired[:, i, j] for j in range(3)}
-    time_panel(axes, group, errors, f"errors of {robot} [rad, m]")
+    errors = {name: lambda run, j=j: run.zeta[:, i, j] - run.zeta_desired[:, i, j] for j, name in enumerate(ERRORS)}
+    title = f"Platform {robot}: angle and place less the desired ones"
+    time_panel(axes, group, errors, f"errors of {robot} [rad, m]", title=title)
 
 
 def midpoints(zeta: np.ndarray) -> np.ndarray:

@@ -62,4 +62,4 @@ def _yaw_panel(axes: Axes, group: Sequence[Run]) -> None:
         "desired": lambda run: run.arm_desired[:, 0],
         "_desired": lambda run: run.arm_desired[:, 1],  # looks the same, so one entry in the legend
     }
-    time_panel(axes, group, yaw, "arm yaw [rad]", desired)
+    time_panel(axes, group, yaw, "arm yaw [rad]", desired, title="Arm yaw: the arms' angle to their platforms")

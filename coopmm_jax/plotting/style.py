@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import io
+import textwrap
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -21,7 +22,9 @@ import matplotlib.style
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from coopmm_jax.errors import Notice, UserError
 from coopmm_jax.files import result_folder
@@ -34,10 +37,12 @@ DPI = 150
 _NOTEBOOK_DPI = 100
 
 _LEGEND_FONT = 8  # [point]
+_TITLED = 120.0  # [point] that a panel has to be high, to have room for a title above its legend
 _RC: dict[RcKeyType, Any] = {
     "font.size": 9,
     "hatch.linewidth": 0.6,
     "axes.labelsize": 9,
+    "axes.titlesize": 9,
     "legend.fontsize": _LEGEND_FONT,
     "xtick.labelsize": 8,
     "ytick.labelsize": 8,
@@ -59,8 +64,19 @@ _RC: dict[RcKeyType, Any] = {
 _SETTINGS = ["default", _RC]
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#56B4E9", "#D55E00", "#CC79A7")
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (6, 1.5, 1.5, 1.5)), (0, (1.5, 1)), (0, (9, 3)))
-# Wide and pale, so that it shows on both sides of a result that lies on it.
+# One look for one meaning, in all figures. What is desired is wide and pale, so that it shows on both sides of a result
+# that lies on it.
 REFERENCE = {"color": "0.78", "linewidth": 4.0, "zorder": 1.5}
+LIMIT = {"color": "0.2", "linewidth": 1.2, "zorder": 1.8}
+BEFORE = {"color": "0.35", "linewidth": 1.0, "linestyle": (0, (3, 1, 1, 1))}  # other gains, to compare with
+EQUAL = {"color": "0.6", "linewidth": 0.8, "zorder": 1.5}  # where a change would be none
+BEYOND: dict[str, Any] = {
+    "facecolor": "none",
+    "edgecolor": "0.4",
+    "hatch": "/////",
+    "linewidth": 0.0,
+    "zorder": 0.6,
+}  # below bars
 FAILURE = {"color": "0.3", "linewidth": 2.5, "linestyle": (0, (0.5, 1))}
 
 
@@ -122,12 +138,13 @@ def panels(
     return figure, given
 
 
-def legend(axes: Axes, handles: Sequence[Artist] | None = None) -> None:
+def legend(axes: Axes, handles: Sequence[Artist] | None = None, title: str = "") -> None:
     """Draw a legend above the panel, where it cannot hide data, in as many columns as the panel has room for.
 
     Args:
         axes: the panel.
         handles: labelled artists; by default all of the panel's.
+        title: what the panel shows, above the entries; left out where the panel is low.
     """
     handles = axes.get_legend_handles_labels()[0] if handles is None else handles
     figure = axes.get_figure(root=True)
@@ -136,7 +153,23 @@ def legend(axes: Axes, handles: Sequence[Artist] | None = None) -> None:
         room = axes.get_window_extent().width * 72.0 / figure.dpi / _LEGEND_FONT
         fitting = (n for n in range(len(widths), 1, -1) if sum(map(max, np.array_split(widths, n))) <= room)
         columns = next(fitting, 1)
-        axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.1)
+        look = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.1, "alignment": "left"}
+        low = axes.get_window_extent().height * 72.0 / figure.dpi < _TITLED
+        wrapped = "" if low else "\n".join(textwrap.wrap(title, max(10, int(0.85 * room / 0.52))))
+        axes.legend(handles=handles, ncols=columns, title=wrapped or None, title_fontsize=_LEGEND_FONT, **look)
+
+
+def plain_numbers(axis: Axis) -> None:
+    """Set few and short labels on a logarithmic axis, where matplotlib's own overlap if it spans little.
+
+    >>> plain_numbers(Figure().subplots(subplot_kw={"xscale": "log"}).xaxis)
+    """
+    low, high = axis.get_view_interval()
+    if high < 10.0 * low:
+        axis.set_major_locator(MaxNLocator(5))
+    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)) if 10.0 <= high / low < 1e3 else NullLocator())
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("{x:g}")
 
 
 def remark(axes: Axes, text: str) -> None:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from coopmm_jax.errors import UserError
 from coopmm_jax.plotting import style
 from coopmm_jax.plotting.bands import band, scale
+from coopmm_jax.plotting.limits import draw_desired, draw_limits
 from coopmm_jax.plotting.lines import TIME
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps import store
@@ -21,12 +22,13 @@ from coopmm_jax.sweeps.statistics import HIGH, LOW, Results, as_results, sensiti
 if TYPE_CHECKING:
     import xarray
 
+    from coopmm_jax.scenario.scenario import Scenario
+
 BINS = 40
 STRONGEST = 8  # draws in a panel
 WORST = 10  # samples marked in a panel
 _SERIES = ("tracking_error", "object_error", "contact_force", "torque")
-_SHADES = ("0.70", "0.88")  # of the 90 % band and of the whole range
-_LOST = {"facecolor": "none", "edgecolor": "0.4", "hatch": "/////", "linewidth": 0.0}
+_SHADES = ("#a5cbe3", "#d8e8f4")  # of the 90 % band and of the whole range
 
 
 @style.styled
@@ -49,9 +51,9 @@ def sweep_bands(data: xarray.Dataset, axes: style.GivenAxes = None) -> Figure:
         raise UserError("keep", "at least 1 for bands over time", 0)
     figure, panels = style.panels(axes, [_SERIES[:2], _SERIES[2:]], height=5.0)
     computed = data.status.values[: data.sizes["kept"]] >= 0
+    scenario = store.scenario_of(data)
     for panel, name in zip(panels, _SERIES, strict=True):
-        _band_panel(panel, data[name], computed, data.t.values)
-    style.legend(panels[0])
+        _band_panel(panel, data[name], computed, data.t.values, scenario)
     return figure
 
 
@@ -131,13 +133,17 @@ def _grid(count: int) -> list[list[str]]:
     return [row * 2 if len(row) == 1 else row for row in rows]
 
 
-def _band_panel(axes: Axes, series: xarray.DataArray, computed: np.ndarray, t: np.ndarray) -> None:
-    values = store.values(series)[computed]
+def _band_panel(axes: Axes, series: xarray.DataArray, computed: np.ndarray, t: np.ndarray, scenario: Scenario) -> None:
+    values, name = store.values(series)[computed], str(series.name)
     most, whole = ({"color": shade, "label": part} for shade, part in zip(_SHADES, ("5 to 95 %", "range"), strict=True))
     if not band(axes, t, values, (LOW, HIGH), style.pen(0) | {"label": "median"}, most, whole):
         style.remark(axes, f"all {len(values)} samples\nfailed at once")
-    scale([axes], str(series.name), f"[{series.attrs['units']}]")
+    elif name == "contact_force":
+        draw_desired(axes, scenario, t)
+    scale([axes], name, f"[{series.attrs['units']}]")
+    draw_limits(axes, scenario, name, t)
     axes.set_xlabel(TIME)
+    style.legend(axes, title=f"{series.attrs['long_name']:.1}".upper() + series.attrs["long_name"][1:])
 
 
 def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) -> None:
@@ -169,11 +175,11 @@ def hatch_beyond(axes: Axes, limit: Requirement) -> None:
     left, right = axes.get_xlim()
     margin = 0.05 * (max(right, limit.limit) - min(left, limit.limit))
     left, right = min(left, limit.limit - margin), max(right, limit.limit + margin)
-    axes.axvline(limit.limit, color="0.2", linewidth=1.2)
+    axes.axvline(limit.limit, **style.LIMIT)
     if limit.relation != ">=" and limit.relation != ">":
-        axes.axvspan(limit.limit, right, **_LOST)
+        axes.axvspan(limit.limit, right, **style.BEYOND)
     if limit.relation != "<=" and limit.relation != "<":
-        axes.axvspan(left, limit.limit, **_LOST)
+        axes.axvspan(left, limit.limit, **style.BEYOND)
     axes.set_xlim(left, right)
 
 

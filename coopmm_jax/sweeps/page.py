@@ -48,7 +48,7 @@ def _parts(results: Results) -> Iterator[Table | Picture | Text]:
         for row in outcomes(results)
     ]
     yield Table("Requirements", ("requirement", "met", "probability", "95 % interval"), rows)
-    yield Picture("Success probabilities and their intervals", "requirements.png")
+    yield Picture("Distributions of what is required; hatched beyond the limit", "requirements.png")
     known = results.scenario.requirements.metrics()
     distances = [
         (str(each), known[each.metric].unit, *(f"{x:.4g}" for x in table[:4]), str(table.worst_sample))
@@ -65,7 +65,9 @@ def _parts(results: Results) -> Iterator[Table | Picture | Text]:
     if numbers:
         header = ("metric", "unit", "median", "5 %", "95 %", "worst", "of sample", "meaning")
         yield Table("Metrics of the samples that completed", header, numbers)
-    yield Picture("Samples over time: median, the middle 90 % and the whole range", "bands.png")
+    yield Picture(
+        "Samples over time: median, middle 90 % and whole range, with the desired force and with limits", "bands.png"
+    )
     matters = [
         (metric, draw, f"{interval.estimate:+.2f}", _interval(interval, "+.2f"))
         for metric in telling(results)

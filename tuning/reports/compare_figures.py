@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.plotting.bands import band, finished, scale
+from coopmm_jax.plotting.limits import draw_desired, draw_limits
 from coopmm_jax.plotting.lines import TIME
-from coopmm_jax.plotting.style import REFERENCE, WIDTH, GivenAxes, legend, panels, pen, plain, styled
+from coopmm_jax.plotting.style import BEFORE, EQUAL, WIDTH, GivenAxes, legend, panels, pen, plain, plain_numbers, styled
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps.figures import hatch_beyond
 from coopmm_jax.sweeps.measure import SERIES
@@ -60,19 +63,20 @@ def costs(compared: ComparedGains, axes: GivenAxes = None) -> Figure:
         pairs.plot(before, after, _MARKERS[(i - 1) % 5], color=colour, markersize=3.5, mfc="none", label=name)
         ratios = np.sort(after / before)
         shares.plot(ratios, np.arange(1, len(ratios) + 1) / max(1, len(ratios)), label=name, **pen(i))
-    pairs.axline((1.0, 1.0), (2.0, 2.0), label="equal", **REFERENCE)
+    pairs.axline((1.0, 1.0), (2.0, 2.0), label="equal", **EQUAL)
     pairs.set(xscale="log", yscale="log", xlabel=f"cost under {labels[0]} [-]", ylabel="cost [-]")
-    shares.axvline(1.0, **REFERENCE)
-    shares.set_xlim(left=0.0)
-    shares.set(xlabel=f"cost over that under {labels[0]} [-]", ylabel="share of samples [-]")
-    legend(pairs)
-    legend(shares)
+    shares.axvline(1.0, label="equal", **EQUAL)
+    shares.set(xscale="log", xlabel=f"cost over that under {labels[0]} [-]", ylabel="share of samples [-]")
+    for axis in (pairs.xaxis, pairs.yaxis, shares.xaxis):
+        plain_numbers(axis)
+    legend(pairs, title=f"Cost of each sample, against that under {labels[0]}")
+    legend(shares, title="Ratio of both costs: share of samples with a smaller one")
     return figure
 
 
 @styled
 def bands(compared: ComparedGains, axes: GivenAxes = None) -> Figure:
-    """Median and 5 to 95 % over time of force and errors, a column for each set; the first set's median behind all.
+    """Median and 5 to 95 % over time of force and errors, a column for each set; the first set's median in all.
 
     Args:
         compared: the comparison.
@@ -88,10 +92,22 @@ def bands(compared: ComparedGains, axes: GivenAxes = None) -> Figure:
             panel.sharey(line[0])
             panel.tick_params(labelleft=i == 0)
         scale(line, f"{name}, late" if since else name, f"[{SERIES[name][0]}]")
+        for panel in line:
+            draw_limits(panel, compared.scenario, name, compared.comparison.times, (panel.dataLim.x0, np.inf))
+    figure.legend(handles=_key(all_axes), loc="outside upper left", ncols=5, fontsize=8)
     for name, top, bottom in zip(_names(compared), all_axes, all_axes[-sets:], strict=False):
         top.set_title(name)
         bottom.set_xlabel(TIME)
     return figure
+
+
+def _key(all_axes: Sequence[Axes]) -> list[Artist]:
+    """One legend for all panels: the first line of each label."""
+    found: dict[str, Artist] = {}
+    for axes in all_axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    return list(found.values())
 
 
 def _names(compared: ComparedGains) -> list[str]:
@@ -121,10 +137,14 @@ def _strips(axes: Axes, compared: ComparedGains, limit: Requirement) -> None:
 
 
 def _band(axes: Axes, compared: ComparedGains, name: str, since: float, which: int) -> None:
-    """Band of a set, and behind it the median of the first."""
+    """Band of a set, the median of the first, and the desired force."""
     times = compared.comparison.times
     shown = times >= since * times[-1]
-    for i in dict.fromkeys([0, which]):
+    if name == "contact_force":
+        draw_desired(axes, compared.scenario, times[shown])
+    for i in dict.fromkeys([which, 0]):
         values = finished(compared.comparison.series[name][i][:, shown])
-        line, most = (pen(0), {"color": pen(0)["color"], "alpha": 0.3}) if i == which else (REFERENCE, None)
+        line, most = pen(0) | {"label": "median"}, {"color": pen(0)["color"], "alpha": 0.3, "label": "5 to 95 %"}
+        if i != which:
+            line, most = BEFORE | {"label": f"median, {plain(compared.labels[0])}"}, None
         band(axes, times[shown], values, (LOW, HIGH), line, most)

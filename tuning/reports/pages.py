@@ -17,15 +17,16 @@ from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.software import versions
 from coopmm_jax.sweeps.intervals import Interval, success
 from tuning.cost.objective import FAILED
+from tuning.reports.owners import entry_owners
 from tuning.studies.comparison import Change
 from tuning.studies.margins import RISE
 
 _CAPTIONS = {
     "convergence": "Course of the search: cost of the best gains so far over simulated steps",
-    "gains": "Tuned gains, and how far each may go alone",
-    "costs": "Costs of all samples under each set of gains",
-    "bands": "Samples over time under each set of gains",
-    "requirements": "Success probabilities and their intervals",
+    "gains": "Tuned gains before and after",
+    "costs": "Costs of all samples: under each set of gains against the first, and the ratio of both",
+    "bands": "Median and middle 90 % of the samples over time, with the desired force and with limits",
+    "requirements": "What is required, sample by sample: bars from 5 to 95 %, marks at medians, hatched beyond limits",
 }
 
 
@@ -143,12 +144,20 @@ def falsify_page(found: Any, random: np.ndarray | None, scenario: Scenario, file
 def _gains(result: Any) -> Iterator[Table]:
     means = result.before.reshape(-1, len(result.margins)).mean(axis=0)
     ends = {"free": " or beyond", "fails": " (a robot fails)", "cost": ""}
+    owners = entry_owners(result.scenario)
     rows = [
-        (m.name, f"{before:.5g}", f"{m.value:.5g}", f"{m.low:.4g}{ends[m.below]}", f"{m.high:.4g}{ends[m.above]}")
+        (
+            m.name,
+            owners.get(m.name, ""),
+            f"{before:.5g}",
+            f"{m.value:.5g}",
+            f"{m.low:.4g}{ends[m.below]}",
+            f"{m.high:.4g}{ends[m.above]}",
+        )
         for before, m in zip(means, result.margins, strict=True)
     ]
     title = f"Gains, and how far each may go alone until the cost rises by {RISE:.0%}"
-    yield Table(title, ("gain", "before", "after", "down to", "up to"), rows)
+    yield Table(title, ("gain", "of", "before", "after", "down to", "up to"), rows)
     if result.schedule is not None:
         values = zip(result.labels, result.before, result.after, strict=True)
         knots = [(label, f"{before:.5g}", f"{after:.5g}") for label, before, after in values]

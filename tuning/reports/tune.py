@@ -14,6 +14,7 @@ from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps.intervals import success
 from tuning.cost.objective import TERMS
 from tuning.reports import tune_figures
+from tuning.reports.owners import entry_owners, with_owner
 from tuning.reports.pages import tune_page, write_pictures_and_page
 from tuning.studies.comparison import STATISTICS, Change, ratio
 from tuning.studies.margins import RISE
@@ -57,8 +58,10 @@ def _write_tables(folder: Path, result: TuningResult) -> None:
     ]
     write_csv(folder / "requirements.csv", ["requirement", "gains", "probability", "low", "high"], rates)
     means = result.before.reshape(-1, len(result.margins)).mean(axis=0)
-    rows = [[m.name, before, *m[1:]] for before, m in zip(means.tolist(), result.margins, strict=True)]
-    write_csv(folder / "gains.csv", ["gain", "before", "after", "low", "high", "below", "above"], rows)
+    owners = entry_owners(result.scenario)
+    both = zip(means.tolist(), result.margins, strict=True)
+    rows = [[margin.name, owners.get(margin.name, ""), before, *margin[1:]] for before, margin in both]
+    write_csv(folder / "gains.csv", ["gain", "of", "before", "after", "low", "high", "below", "above"], rows)
 
 
 def changes(result: TuningResult) -> dict[str, Change]:
@@ -89,20 +92,23 @@ def table(result: TuningResult) -> str:
 
 
 def remarks(result: TuningResult) -> list[str]:
-    """Sentences on lost contact, bounds, chattering and the end of the search."""
+    """Sentences on lost contact, the largest force, bounds, chattering and the end of the search."""
     bounds = [f"at a bound of [tuning.bounds]: {', '.join(result.at_bounds)}"] if result.at_bounds else []
     end = [f"search ended: {result.stopped}"] if result.stopped else []
-    return [_losses(result), *bounds, _slopes(result.slopes), *end]
+    return [_losses(result), *_peaks(result), *bounds, _slopes(result.slopes), *end]
 
 
 def _gains(result: TuningResult) -> list[str]:
     """Every tuned gain, and how far it may go alone; then its values at the knots, if it has them."""
     head = f"may be alone, until the cost rises by {RISE:.0%} or a robot fails (!)"
-    lines = [f"{'gain':16} {'before':>12} {'after':>12}   {head}"]
+    owners = entry_owners(result.scenario)
+    names = [with_owner(margin.name, owners) for margin in result.margins]
+    width = max(16, *map(len, names))
+    lines = [f"{'gain':{width}} {'before':>12} {'after':>12}   {head}"]
     means = result.before.reshape(-1, len(result.margins)).mean(axis=0)
-    for before, margin in zip(means, result.margins, strict=True):
+    for name, before, margin in zip(names, means, result.margins, strict=True):
         low, high = (_end(*end) for end in ((margin.low, margin.below), (margin.high, margin.above)))
-        lines.append(f"{margin.name:16} {before:12.5g} {margin.value:12.5g}   {low} to {high}")
+        lines.append(f"{name:{width}} {before:12.5g} {margin.value:12.5g}   {low} to {high}")
     if result.schedule is not None:
         lines += ["", "above: means over the knots; all knots of a gain are moved together. At each knot:"]
         values = zip(result.labels, result.before, result.after, strict=True)
@@ -137,6 +143,15 @@ def _losses(result: TuningResult) -> str:
         f"samples that lose contact: {before} before, {after} after (mean share of time {shares[0]} before, "
         f"{shares[1]} after); samples that fail: {failed[0]} before, {failed[1]} after"
     )
+
+
+def _peaks(result: TuningResult) -> list[str]:
+    """The line on the largest contact force, which means over 20 s hide where it is a spike at the start."""
+    peaks = result.comparison.metrics.get("force_max")
+    if peaks is None or not np.isfinite(peaks).any(axis=1).all():
+        return []
+    before, after = np.nanmedian(peaks, axis=1)
+    return [f"largest contact force, median over the samples: {before:.3g} N before, {after:.3g} N after"]
 
 
 def _count(result: TuningResult) -> int:
