@@ -1,7 +1,8 @@
 """Command ``coopmm``: its options, errors and exit codes; the work is done in ``commands``.
 
-Exit codes: 0 done, 2 the input cannot be used (one line on stderr), 3 a rollout failed (status, time, quantity), 128
-plus a signal's number where one ended it: 130 for Ctrl-C, 141 where nobody reads the output any more.
+Exit codes: 0 done, 1 a requirement is not met (by ``coopmm check``), 2 the input cannot be used (one line on stderr),
+3 a rollout failed (status, time, quantity), 128 plus a signal's number where one ended it: 130 for Ctrl-C, 141 where
+nobody reads the output any more.
 
 >>> main(["scenarios"])  # doctest: +ELLIPSIS
 compliant...
@@ -22,7 +23,19 @@ from typing import NoReturn
 
 import coopmm_jax
 from coopmm_jax import plugins, runtime, terminal
-from coopmm_jax.commands import BAD_INPUT, animate, help, init, metrics, report, scenarios, simulate, sweep, watch
+from coopmm_jax.commands import (
+    BAD_INPUT,
+    animate,
+    check,
+    help,
+    init,
+    metrics,
+    report,
+    scenarios,
+    simulate,
+    sweep,
+    watch,
+)
 from coopmm_jax.commands.completion import SHELLS, PrintCompletion
 from coopmm_jax.commands.fields import takes_names
 from coopmm_jax.errors import UserError
@@ -156,7 +169,7 @@ def _modules() -> Iterator[ModuleType]:
     Raises:
         UserError: a module that cannot be imported.
     """
-    yield from (simulate, animate, sweep, report, watch, init, scenarios, metrics, help)
+    yield from (simulate, animate, sweep, check, report, watch, init, scenarios, metrics, help)
     for point in sorted(entry_points(group=ENTRY_POINTS)):
         try:
             yield point.load()

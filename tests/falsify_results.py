@@ -78,7 +78,7 @@ def results(folder):
         "random": float(module.random_costs(problem, 80).max()),
         "spent": [found.rollouts, found.steps],
         "numbers": found.numbers,
-        "worst": module.costs(problem.cost, landscape.vector, worst).tolist(),
+        "worst": problem.cost.each(landscape.vector, worst).tolist(),
     }
     with mock.patch.object(module, "DIFFERENCES", 0):
         by_reverse = falsify(scenario, 80, 16, problem).cost

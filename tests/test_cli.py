@@ -136,7 +136,7 @@ def test_failed_rollout_is_told_and_kept(simulation, tmp_path, capsys):
     [
         ([], "the following arguments are required: COMMAND"),
         (["simulate"], "SCENARIO: must be given, or --from STORE --sample N, was missing"),
-        (["simulte"], "COMMAND: must be one of simulate, animate, sweep, report, watch, init, scenarios, "),
+        (["simulte"], "COMMAND: must be one of simulate, animate, sweep, check, report, watch, init, scenarios, "),
         (["simulate", "papr"], f"scenario: must be one of {', '.join(sorted(shipped()))} or a .toml file"),
         (["simulate", "paper", "--gains.K-lambda", "-2"], "gains.K_lambda: must be greater than -1, was -2"),
         (

@@ -15,8 +15,8 @@ from coopmm_jax.sweeps import store
 from tests.stand_in import StandIn
 from tuning.studies.compare import labels
 
-TAKES_GAINS = ("simulate", "animate", "sweep", "falsify", "tune")
-WRITES = ("simulate", "animate", "sweep", "init", "falsify", "tune", "compare")
+TAKES_GAINS = ("simulate", "animate", "sweep", "check", "falsify", "tune")
+WRITES = ("simulate", "animate", "sweep", "check", "init", "falsify", "tune", "compare")
 
 
 @pytest.fixture

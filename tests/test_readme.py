@@ -45,6 +45,11 @@ SMALL = {
     "coopmm compare scenario results/tuned --scenario sensed --out results/compared": COMPARED,
     "coopmm tune sensed --pareto 5 --out results/front": [*SHORT_TUNING, "--pareto", "2"],
     "coopmm falsify sensed --out results/worst.toml": [*SHORT_TUNING, "--rollouts", "40", "--starts", "4"],
+    "coopmm falsify sensed --modes 4 --out results/failures": [*SHORT_TUNING, "--rollouts", "40", "--starts", "4"],
+    "coopmm check results/failures --gains-file results/tuned": [
+        *shlex.split("--requirements.contact-loss-fraction '<= 1' --requirements.force-error-rms-late '<= 1e3'"),
+        *shlex.split("--requirements.object-rms '<= 1e3' --requirements.error-late '<= 1e3'"),
+    ],
     "coopmm tune sensed --adversarial --out results/hardened": SHORT_TUNING,
     "coopmm report results/sensed.zarr": [],
     "coopmm simulate --from results/sensed.zarr --sample 12": [],

@@ -14,4 +14,4 @@ if TYPE_CHECKING:
 
     Subparsers = argparse._SubParsersAction[argparse.ArgumentParser]  # what ``add`` adds a parser to
 
-DONE, BAD_INPUT, ROLLOUT_FAILED = 0, 2, 3  # exit codes
+DONE, REQUIREMENT_BROKEN, BAD_INPUT, ROLLOUT_FAILED = 0, 1, 2, 3  # exit codes

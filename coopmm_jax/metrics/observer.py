@@ -12,7 +12,7 @@ nan
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -107,6 +107,7 @@ def observer(
     step: Scalar,
     sentences: Sentences = NO_SENTENCES,
     smoothly: bool = False,
+    names: Sequence[str] | None = None,
 ) -> Observer:
     """Observer that gathers along a ``rollout`` what ``finish`` needs; all arguments that are numbers may be traced.
 
@@ -117,6 +118,7 @@ def observer(
         step: its step [s].
         sentences: whose robustness is wanted; their forms are static.
         smoothly: whether it is wanted for gradients.
+        names: of the metrics that are wanted; static, all if left out.
     """
 
     def update(total: Total, t: Scalar, signals: Signals) -> Total:
@@ -138,7 +140,7 @@ def observer(
         seen_so_far = watching.after(sentences, total.watching, total.samples[WHOLE], sample)
         return Total(samples, gathered, now, seen_so_far)
 
-    start = _start(structure, sentences, smoothly)
+    start = _start(structure, sentences, smoothly, names)
     return Observer(start, update, (lambda total: total.watching.kept) if start.watching.kept else None)
 
 
@@ -149,6 +151,7 @@ def finish(
     sentences: Sentences = NO_SENTENCES,
     kept: Mapping[str, Vector] | None = None,
     temperature: Scalar | None = None,
+    names: Sequence[str] | None = None,
 ) -> dict[str, Scalar]:
     """Metrics by name, in the order of ``METRICS``, then the robustness of sentences in theirs.
 
@@ -161,10 +164,11 @@ def finish(
         sentences: as given to it.
         kept: what the rollout kept of every sample.
         temperature: of the smooth robustness, in units of each sentence's scale; left out, it is exact.
+        names: as given to it.
     """
     complete = (total.samples[WHOLE] - 0.5) * step > duration
     metrics = {}
-    for name, metric in METRICS.items():
+    for name, metric in _wanted(names).items():
         samples = total.samples[metric.window]
         values = ENTRIES.get(metric.quantity, 1) * jnp.maximum(samples, 1.0)
         extent = Extent(values, step, duration, complete)
@@ -177,10 +181,14 @@ def finish(
     return metrics | watching.finish(sentences, total.watching, kept, step, count, survived, complete, temperature)
 
 
-def _start(structure: Structure, sentences: Sentences, smoothly: bool) -> Total:
+def _wanted(names: Sequence[str] | None) -> Mapping[str, Metric]:
+    return METRICS if names is None else {name: METRICS[name] for name in names}
+
+
+def _start(structure: Structure, sentences: Sentences, smoothly: bool, names: Sequence[str] | None) -> Total:
     """Total of no sample."""
     zero = jnp.zeros((), jnp.result_type(float))
-    needed = dict.fromkeys(map(Gathered.of, METRICS.values()))
+    needed = dict.fromkeys(map(Gathered.of, _wanted(names).values()))
     gathered = {key: zero + _ACCUMULATIONS[key.accumulation].start for key in needed}
     at_start = watching.start(sentences, smoothly, zero)
     return Total({WHOLE: zero, LATE: zero}, gathered, no_past(structure), at_start)

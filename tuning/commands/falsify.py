@@ -17,6 +17,7 @@ from coopmm_jax.scenario.scenario import load_scenario
 
 if TYPE_CHECKING:
     from coopmm_jax.commands import Subparsers
+    from coopmm_jax.scenario.scenario import Scenario
 
 
 def add(commands: Subparsers) -> None:
@@ -24,18 +25,31 @@ def add(commands: Subparsers) -> None:
     parser = commands.add_parser(
         "falsify",
         help="search a scenario's uncertainty for the sample that hurts most",
-        usage=f"coopmm falsify SCENARIO {OVERRIDES} [--rollouts N] [--out FILE.toml] [options]",
-        epilog="What is searched for is the highest cost, as coopmm tune reports it, or a rollout that fails. "
-        "coopmm simulate --help lists the overrides.",
+        usage=f"coopmm falsify SCENARIO {OVERRIDES} [--requirement NAME] [--rollouts N] [--out FILE.toml] [options]",
+        epilog="What is searched for is the highest cost, as coopmm tune reports it, or the least robustness of a "
+        "requirement, or a rollout that fails. coopmm simulate --help lists the overrides.",
         allow_abbrev=False,
     )
     parser.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario's name, or the path of a TOML file")
     parser.add_argument("--seed", metavar="S", type=int, help="short for --simulation.seed")
     add_gains_file(parser)
-    parser.add_argument("--rollouts", metavar="N", type=int, default=409, help="budget (default %(default)d)")
+    parser.add_argument("--requirement", metavar="NAME", help="metric or sentence of [requirements] to be broken")
+    parser.add_argument(
+        "--modes",
+        metavar="K",
+        type=int,
+        help="look for K different failures, of other requirements or far apart; DIR of --out takes their scenarios",
+    )
+    parser.add_argument(
+        "--rollouts",
+        metavar="N",
+        type=int,
+        default=409,
+        help="budget, of each requirement with --modes (default %(default)d)",
+    )
     parser.add_argument("--starts", metavar="N", type=int, default=32, help="of climbs (default %(default)d)")
     parser.add_argument(
-        "--out", metavar="FILE", help="scenario file to write, for coopmm simulate, with a page beside it"
+        "--out", metavar="FILE|DIR", help="scenario file to write, for coopmm simulate, with a page beside it"
     )
     add_overwrite(parser)
     parser.add_argument(
@@ -59,22 +73,25 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     if options.seed is not None:
         changes = changes | {"simulation.seed": options.seed}
     changes = with_gains(options, changes)
+    if options.modes is not None:
+        return _modes(options, load_scenario(options.scenario, **changes))
     path = None if options.out is None else _new_file(options)
     scenario = load_scenario(options.scenario, **changes)
     from coopmm_jax.sweeps.engine import carried_by  # imports JAX, as do the next
-    from tuning.cost.problem import build_problem, check_count
+    from tuning.cost.problem import build_problem, check_count, unscaled
     from tuning.reports.pages import falsify_page
-    from tuning.studies.falsify import falsify, random_costs, table
+    from tuning.studies.falsify import falsify, random_costs, requirement_of, table
 
     check_count(options.starts, "starts")
     if options.compare_random:
         check_count(options.compare_random, "--compare-random")
+    broken = None if options.requirement is None else requirement_of(scenario, options.requirement)
     with nullcontext() if path is None else result_folder(path.parent) as folder:
         with workers(options) as executor, carried_by(executor):
-            problem = build_problem(scenario)
-            found = falsify(scenario, options.rollouts, options.starts, problem)
+            problem = build_problem(scenario) if broken is None else unscaled(scenario)
+            found = falsify(scenario, options.rollouts, options.starts, problem, requirement=options.requirement)
             count = options.compare_random or found.rollouts
-            random = None if options.compare_random is None else random_costs(problem, count)
+            random = None if options.compare_random is None else random_costs(problem, count, broken)
         if folder is not None and path is not None:
             write_text(folder / path.name, found.scenario.to_toml())
             numbers = ([name, found.nominal[name], value] for name, value in found.numbers.items())
@@ -85,6 +102,27 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     print(table(found, random), end="")
     if path is not None:
         print(f"written to {options.out}; look at it by coopmm simulate {options.out}")
+    return DONE
+
+
+def _modes(options: argparse.Namespace, scenario: Scenario) -> int:
+    """Several failures in place of one sample."""
+    if options.compare_random is not None:
+        raise UserError("--compare-random", "left out where --modes is given", "given")
+    target = None if options.out is None else resolve_path(options.out, "--out")
+    if target is not None:
+        check_out(options, target)
+    from tuning.reports.modes import table, write_report  # imports JAX, as does the next
+    from tuning.studies.modes import modes
+
+    with nullcontext() if target is None else result_folder(target) as folder:
+        with workers(options) as executor:
+            found = modes(scenario, options.modes, options.requirement, options.rollouts, options.starts, executor)
+        if folder is not None and found.found:
+            write_report(folder, found, scenario, options.rollouts)
+    print(table(found), end="")
+    if target is not None and found.found:
+        print(f"written to {options.out}; try other gains on them by coopmm check {options.out} --gains-file GAINS")
     return DONE
 
 

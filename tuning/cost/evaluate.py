@@ -76,6 +76,22 @@ class Samples:
         return both
 
 
+class Kind(NamedTuple):
+    """Function of one candidate on one sample, and how batches of it are run."""
+
+    function: Callable[..., Any]  # (objective, layout, vector, own, coefficients, common), at the top of a module
+    size: int = BATCH  # of a batch
+    by_sample: bool = False  # whether it differentiates by all numbers of a sample
+
+    def layout(self, samples: Samples) -> Layout:
+        """Layout of the samples that it takes."""
+        return samples.layout.all_own() if self.by_sample else samples.layout
+
+    def program(self, objective: Any, layout: Layout) -> Program:
+        """Program that is compiled for an objective."""
+        return Program(self.function, (objective, layout), _UNOPTIMISED if self.by_sample else ())
+
+
 class Evaluated(NamedTuple):
     """Rollouts of C candidates on N samples."""
 
@@ -95,7 +111,7 @@ def evaluate(objective: Objective, vectors: np.ndarray, samples: Samples, precis
     In float32 a batch is twice as fast. Ranks of candidates that lie a factor of 1.35 apart in each gain are those of
     float64 (correlation 0.99 on ``sensed``); at a factor of 1.05 they are not (0.82 to 0.87).
     """
-    found = Evaluated(*_run(_terms, objective, vectors, samples, np.zeros(len(TERMS)), precision))
+    found = Evaluated(*on_pairs(_TERMS, objective, vectors, samples, np.zeros(len(TERMS)), precision))
     check_finite(found.terms, found.completed)
     return found
 
@@ -110,72 +126,73 @@ def gradients(
     Reverse mode costs 5 to 6 cost evaluations whatever n, forward mode about 1 + 2 n (measured): forward mode would pay
     for two numbers or one, too rarely for a program of its own.
     """
-    costs, slopes = _run(_gradient, objective, vectors, samples, coefficients)
+    costs, slopes = on_pairs(_GRADIENT, objective, vectors, samples, coefficients)
     return costs, slopes
 
 
 def compile_costs(objective: Objective, samples: Samples, precision: str) -> None:
     """Compile what ``evaluate`` runs on samples of this structure."""
-    _prepare(_terms, objective, samples, precision)
+    compile_pairs(_TERMS, objective, samples, len(TERMS), precision)
 
 
 def compile_gradients(objective: Objective, samples: Samples) -> None:
     """Compile what ``gradients`` runs on samples of this structure."""
-    _prepare(_gradient, objective, samples, "float64")
+    compile_pairs(_GRADIENT, objective, samples, len(TERMS), "float64")
 
 
-def _prepare(function: Callable, objective: Objective, samples: Samples, precision: str) -> None:
-    layout = _layout(function, samples)
+def compile_pairs(kind: Kind, objective: Any, samples: Samples, coefficients: int, precision: str) -> None:
+    """Compile what ``on_pairs`` runs on samples of this structure, with so many coefficients."""
+    layout = kind.layout(samples)
     own, common = layout.split(samples.rows)
-    sizes, dtype = (objective.space.size, own.shape[1], len(TERMS)), np.dtype(precision)
-    elements = tuple(jax.ShapeDtypeStruct((_batch(function), size), dtype) for size in sizes)
-    prepare(_program(function, objective, layout), slots()[0], elements, (jax.ShapeDtypeStruct(common.shape, dtype),))
+    sizes, dtype = (objective.space.size, own.shape[1], coefficients), np.dtype(precision)
+    elements = tuple(jax.ShapeDtypeStruct((kind.size, size), dtype) for size in sizes)
+    prepare(kind.program(objective, layout), slots()[0], elements, (jax.ShapeDtypeStruct(common.shape, dtype),))
 
 
 def sensitivities(
     objective: Objective, vectors: np.ndarray, samples: Samples, coefficients: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Costs (C, N) and their gradients by the samples' own numbers (C, N, leaves), in the order of ``Samples.rows``."""
-    costs, slopes = _run(_sensitivity, objective, vectors, samples, coefficients)
+    costs, slopes = on_pairs(_SENSITIVITY, objective, vectors, samples, coefficients)
     return costs, slopes
 
 
-def _run(
-    function: Callable,
-    objective: Objective,
+def on_pairs(
+    kind: Kind,
+    objective: Any,
     vectors: np.ndarray,
     samples: Samples,
     coefficients: np.ndarray,
     precision: str = "float64",
 ) -> list[np.ndarray]:
-    """Results of every candidate on every sample, each (C, N, ...), in double precision."""
+    """Results of every candidate on every sample, each (C, N, ...), in double precision.
+
+    Args:
+        kind: function of a pair.
+        objective: that it takes; static.
+        vectors: candidates (C, n).
+        samples: N of them.
+        coefficients: that it takes: (k,), (C, k), or (C, N, k) where every pair has its own.
+        precision: float64 or float32.
+    """
     candidates, count = len(vectors), len(samples)
-    coefficients = np.broadcast_to(coefficients, (candidates, len(TERMS)))
-    layout = _layout(function, samples)
+    layout = kind.layout(samples)
+    if coefficients.ndim < 3:
+        coefficients = np.broadcast_to(coefficients, (candidates, coefficients.shape[-1]))[:, None]
+    coefficients = np.broadcast_to(coefficients, (candidates, count, coefficients.shape[-1]))
     numbers = (vectors, *layout.split(samples.rows), coefficients)
     vectors, own, common, coefficients = (x.astype(precision) for x in numbers)
-    program = _program(function, objective, layout)
+    program = kind.program(objective, layout)
 
     def compute(device: Device, pairs: np.ndarray) -> Any:
         candidate, sample = np.divmod(pairs, count)
         with naming(f"candidates {candidate[0]} to {candidate[-1]} on samples {sample.min()} to {sample.max()}"):
-            return run(program, device, (vectors[candidate], own[sample], coefficients[candidate]), (common,))
+            elements = (vectors[candidate], own[sample], coefficients[candidate, sample])
+            return run(program, device, elements, (common,))
 
-    arrays = in_batches(compute, candidates * count, _batch(function))
+    arrays = in_batches(compute, candidates * count, kind.size)
     arrays = (array.astype(float) if array.dtype == np.float32 else array for array in arrays)
     return [array.reshape(candidates, count, *array.shape[1:]) for array in arrays]
-
-
-def _batch(function: Callable) -> int:
-    return FEW if function is _gradient else BATCH
-
-
-def _layout(function: Callable, samples: Samples) -> Layout:
-    return samples.layout.all_own() if function is _sensitivity else samples.layout
-
-
-def _program(function: Callable, objective: Objective, layout: Layout) -> Program:
-    return Program(function, (objective, layout), _UNOPTIMISED if function is _sensitivity else ())
 
 
 def _terms(
@@ -197,3 +214,6 @@ def _cost(
     objective: Objective, layout: Layout, vector: jax.Array, own: jax.Array, coefficients: jax.Array, common: jax.Array
 ) -> Scalar:
     return objective.cost(vector, layout.parameters(own, common), coefficients, True)
+
+
+_TERMS, _GRADIENT, _SENSITIVITY = Kind(_terms), Kind(_gradient, FEW), Kind(_sensitivity, by_sample=True)

@@ -24,7 +24,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.cost_terms import terms
 from coopmm_jax.kinds.probe import number_of
 from coopmm_jax.loop.devices import torque_limits
-from coopmm_jax.loop.rollout import Observer, Plan, rollout
+from coopmm_jax.loop.rollout import Observer, Plan, Rollout, rollout
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS
 from coopmm_jax.metrics.sample import Sample, squared_errors
@@ -107,12 +107,20 @@ class Objective:
             for_gradient: static; the form that ``jax.grad`` runs twice as fast, and a batch without it a fifth slower.
         """
         parameters = self.space.applied(parameters, vector)
-        long = self.steps * max(1, self.structure.substeps) > _KEPT
-        plan = Plan.gradient(self.steps, _SEGMENT, long) if for_gradient else Plan.batch(self.steps, _SEGMENT)
+        plan = self.plan(for_gradient)
         result = rollout(self.structure, parameters, self.step, self.steps, plan, self._observer(parameters))
-        completed = result.health.status == 0
-        survived = jnp.where(completed, 1.0, result.health.step / (self.steps + 1))
+        completed, survived = self.outcome(result)
         return Evaluation(tuple(total / (self.steps + 1) for total in result.total.terms), completed, survived)
+
+    def plan(self, for_gradient: bool) -> Plan:
+        """Form of a rollout over the horizon, for a batch or for gradients."""
+        long = self.steps * max(1, self.structure.substeps) > _KEPT
+        return Plan.gradient(self.steps, _SEGMENT, long) if for_gradient else Plan.batch(self.steps, _SEGMENT)
+
+    def outcome(self, result: Rollout) -> tuple[Bool, Scalar]:
+        """Completion of a rollout, a scalar, and the share of the horizon before a failure [-]."""
+        completed = result.health.status == 0
+        return completed, jnp.where(completed, 1.0, result.health.step / (self.steps + 1))
 
     def cost(self, vector: Any, parameters: Parameters, coefficients: Any, for_gradient: bool = False) -> Scalar:
         """Weighted sum of the terms; finite for every rollout, and at least ``FAILED`` for one that fails.

@@ -31,3 +31,11 @@ class RobustCost:
         risks = [weighted(self.risk, row) for row in costs]
         slopes = [np.sum(weights[:, None] * rows, axis=0) for (_, weights), rows in zip(risks, gradients, strict=True)]
         return np.array([value for value, _ in risks]), np.array(slopes)
+
+    def each(self, vector: np.ndarray, samples: Samples) -> np.ndarray:
+        """Costs (N,) of one vector (n,) on every sample; at least ``FAILED`` of a rollout that fails."""
+        return evaluate.evaluate(self.objective, vector[None], samples).costs(self.coefficients)[0]
+
+    def by_sample(self, vector: np.ndarray, samples: Samples) -> np.ndarray:
+        """Slopes of these costs by every sample's own numbers (N, leaves), by reverse mode."""
+        return evaluate.sensitivities(self.objective, vector[None], samples, self.coefficients)[1][0]

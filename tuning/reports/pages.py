@@ -19,6 +19,7 @@ from coopmm_jax.sweeps.intervals import Interval, success
 from tuning.cost.objective import FAILED
 from tuning.reports.owners import entry_owners
 from tuning.studies.comparison import Change
+from tuning.studies.falsify import said
 from tuning.studies.margins import RISE
 
 _CAPTIONS = {
@@ -125,20 +126,52 @@ def falsify_page(found: Any, random: np.ndarray | None, scenario: Scenario, file
         scenario: that was searched.
         file: name of the scenario file of the sample.
     """
-    cost = "the rollout fails" if found.failed else f"{found.cost:.6g}"
-    rows = [("sample found", cost), ("scenario itself", f"{found.nominal_cost:.6g}")]
+    rows = [("sample found", _height(found, found.cost)), ("scenario itself", _height(found, found.nominal_cost))]
     if random is not None:
         failures = int(np.sum(random >= FAILED))
-        worst = f"{failures} fail" if failures else f"{float(np.max(random)):.6g}"
+        worst = f"{failures} fail" if failures else _height(found, float(np.max(random)))
         rows.append((f"worst of {len(random)} random samples", worst))
+    climbed = ("Costs", "cost") if found.requirement is None else ("Robustness", str(found.requirement))
     numbers = [(name, f"{found.nominal[name]:.6g}", f"{value:.6g}") for name, value in found.numbers.items()]
     parts = [
-        Table("Costs", ("", "cost"), rows),
+        Table(climbed[0], ("", climbed[1]), rows),
         Table("Numbers that vary", ("number", "scenario", "found"), numbers),
     ]
     about = [scenario.description, f"{found.rollouts} rollouts, {found.steps} steps. The sample is in {file}."]
-    commands = [f"coopmm falsify scenario.toml --rollouts {found.rollouts} --out worst.toml", f"coopmm simulate {file}"]
+    chosen = "" if found.requirement is None else f" --requirement {found.requirement.metric}"
+    search = f"coopmm falsify scenario.toml{chosen} --rollouts {found.rollouts} --out worst.toml"
+    commands = [search, f"coopmm simulate {file}"]
     return Page("The sample that hurts most", about, parts, scenario.to_toml(), versions(), commands)
+
+
+def modes_page(modes: Any, files: Sequence[str], scenario: Scenario, rollouts: int) -> Page:
+    """Page of a search for different failures.
+
+    Args:
+        modes: the failures.
+        files: names of their scenario files.
+        scenario: that was searched.
+        rollouts: budget for each requirement.
+    """
+    names = list(modes.found[0].numbers)
+    nominal = (f"{modes.found[0].nominal[name]:.6g}" for name in names)
+    rows = [("scenario itself", "", "", *nominal)]
+    for file, found, broken in zip(files, modes.found, modes.broken, strict=True):
+        values = (f"{found.numbers[name]:.6g}" for name in names)
+        rows.append((file, said(found.requirement, found.cost), ", ".join(broken), *values))
+    parts = [Table("Failures", ("file", "climbed against", "broken in all", *names), rows)]
+    about = [scenario.description, f"{modes.rollouts} rollouts, against {', '.join(map(str, modes.searched))}."]
+    chosen = f"--requirement {modes.searched[0].metric} " if len(modes.searched) == 1 else ""
+    search = f"coopmm falsify scenario.toml {chosen}--modes {len(files)} --rollouts {rollouts} --out failures"
+    commands = [search, "coopmm check failures --gains-file tuned"]
+    return Page("Different failures", about, parts, scenario.to_toml(), versions(), commands)
+
+
+def _height(found: Any, height: float) -> str:
+    """Cost of a sample, or how far it is from the requirement."""
+    if found.requirement is not None:
+        return said(found.requirement, height)
+    return "the rollout fails" if height >= FAILED else f"{height:.6g}"
 
 
 def _gains(result: Any) -> Iterator[Table]:

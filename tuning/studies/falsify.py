@@ -2,8 +2,9 @@
 
 The search runs through the unit cube of the draws behind the uncertain numbers (``coopmm_jax/scenario/variation.py``):
 all of it where distributions end, and the middle 99 % of those that do not. What is climbed is the cost of [tuning]
-under the scenario's own gains, over the whole duration, as tuning reports it. A rollout that fails is worse than any
-other and ends the search. Noise is not searched: every rollout has the scenario's own.
+under the scenario's own gains, over the whole duration, as tuning reports it, or how far a requirement is from being
+kept. A rollout that fails is worse than any other and ends the search. Noise is not searched: every rollout has the
+scenario's own.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import jax
 import jax.numpy as jnp
@@ -19,14 +21,15 @@ from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
+from coopmm_jax.scenario.sections.requirements import Requirement
+from coopmm_jax.scenario.validation import closest
 from coopmm_jax.scenario.variation import HIGHEST, LOWEST, Variation, batched
 from coopmm_jax.sweeps.engine import carried_by
-from tuning.cost import evaluate
 from tuning.cost.evaluate import Samples
 from tuning.cost.objective import FAILED
-from tuning.cost.problem import Problem, build_problem, check_count
-from tuning.cost.robust_cost import RobustCost
-from tuning.search.ascent import LADDER, Ascent, Mark, ascend
+from tuning.cost.problem import Problem, build_problem, check_count, unscaled
+from tuning.cost.shortfall import Shortfall
+from tuning.search.ascent import LADDER, Ascent, Mark, Peak, ascend
 
 ROLLOUTS = 409  # a tenth of 4,096
 STARTS = 32
@@ -41,6 +44,18 @@ RANDOM = 2_000_000
 _STEP = 1e-6  # of one-sided differences, in widths of the cube
 
 
+class Cost(Protocol):
+    """Cost of every rollout, ``FAILED`` or more of one that fails."""
+
+    def each(self, vector: np.ndarray, samples: Samples) -> np.ndarray:
+        """Costs (N,) of a vector (n,)."""
+        ...
+
+    def by_sample(self, vector: np.ndarray, samples: Samples) -> np.ndarray:
+        """Slopes of these costs by every sample's own numbers (N, leaves), of a vector (n,)."""
+        ...
+
+
 class SampleCost:
     """Cost of one vector of gains as a function of the point of the unit cube that a sample lies at.
 
@@ -48,7 +63,7 @@ class SampleCost:
     many.
     """
 
-    def __init__(self, cost: RobustCost, variation: Variation, vector: np.ndarray):
+    def __init__(self, cost: Cost, variation: Variation, vector: np.ndarray):
         self.cost, self.variation, self.vector = cost, variation, vector
         self.low, self.high = box(variation)
         self.reversed = len(variation.draws) > DIFFERENCES
@@ -60,7 +75,7 @@ class SampleCost:
 
     def values(self, points: np.ndarray) -> np.ndarray:
         """Costs (N,) at points (N, D)."""
-        return costs(self.cost, self.vector, self.samples(points))
+        return self.cost.each(self.vector, self.samples(points))
 
     def slopes(self, points: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Gradients (N, D) at points (N, D) whose costs are ``values`` (N,)."""
@@ -75,20 +90,14 @@ class SampleCost:
 
     def reverse(self, points: np.ndarray) -> np.ndarray:
         """Gradients (N, D) by reverse mode: through the rollout, then through the map from draws to its parameters."""
-        cost = self.cost
-        _, slopes = evaluate.sensitivities(cost.objective, self.vector[None], self.samples(points), cost.coefficients)
+        slopes = self.cost.by_sample(self.vector, self.samples(points))
 
         def row(point: jax.Array) -> jax.Array:
             return jnp.stack([jnp.asarray(leaf, float) for leaf in jax.tree.leaves(self.variation.parameters(point))])
 
         with jax.enable_x64(True):
             _, pull_back = jax.vjp(jax.vmap(row), jnp.asarray(points))
-            return np.asarray(pull_back(jnp.asarray(slopes[0]))[0])
-
-
-def costs(cost: RobustCost, vector: np.ndarray, samples: Samples) -> np.ndarray:
-    """Cost of the gains of ``vector`` (n,) on every sample (N,)."""
-    return evaluate.evaluate(cost.objective, vector[None], samples).costs(cost.coefficients)[0]
+            return np.asarray(pull_back(jnp.asarray(slopes))[0])
 
 
 @dataclass(frozen=True)
@@ -98,16 +107,22 @@ class Falsification:
     scenario: Scenario  # of that sample alone, without uncertainty
     numbers: dict[str, float]  # its uncertain numbers by name, in the scenario's units
     nominal: dict[str, float]  # the scenario's own values of these
-    cost: float  # at least ``FAILED`` if its rollout fails
+    cost: float  # or what it falls short of the requirement, in scales; at least ``FAILED`` if its rollout fails
     nominal_cost: float  # of the scenario without uncertainty
     trail: list[Mark]  # rollouts spent and highest cost, after the starts and after every round
     rollouts: int  # spent, gradients included
     steps: int  # simulated in them
+    requirement: Requirement | None = None  # that was climbed against; None: the cost was
 
     @property
     def failed(self) -> bool:
         """True if its rollout fails."""
         return self.cost >= FAILED
+
+    @property
+    def violated(self) -> bool:
+        """True if it breaks the requirement."""
+        return self.requirement is not None and self.cost > 0.0
 
 
 def falsify(
@@ -116,8 +131,9 @@ def falsify(
     starts: int = STARTS,
     problem: Problem | None = None,
     executor: Executor | None = None,
+    requirement: str | None = None,
 ) -> Falsification:
-    """Search a scenario's [uncertainty] for the sample of the highest cost.
+    """Search a scenario's [uncertainty] for the sample of the highest cost, or that is furthest from a requirement.
 
     The result depends on the scenario, its seed and the arguments alone.
 
@@ -127,34 +143,77 @@ def falsify(
         starts: number of scrambled Sobol points from which the climbs set out, the highest first.
         problem: of this scenario, if built already.
         executor: whose workers run the rollouts, see ``coopmm_jax/sweeps/engine.py``; left out, this process does.
+        requirement: metric or name of a sentence in the scenario's [requirements] whose robustness is brought down;
+            left out, the cost is driven up.
 
     Raises:
-        UserError: the scenario has no uncertainty or cannot be tuned, or the budget has no room for a climb.
+        UserError: the scenario has no uncertainty, cannot be tuned or has no such requirement, or the budget has no
+            room for a climb.
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario)
     check_count(starts, "starts")
+    broken = None if requirement is None else requirement_of(scenario, requirement)
     with carried_by(executor):
-        return _falsified(scenario, rollouts, starts, build_problem(scenario) if problem is None else problem)
+        if problem is None:
+            problem = build_problem(scenario) if broken is None else unscaled(scenario)
+        found = climbed(problem, problem.space.start, rollouts, starts, cost_of(problem, broken))
+        return sample_found(problem, found.peaks[0], found, broken)
 
 
-def _falsified(scenario: Scenario, rollouts: int, starts: int, problem: Problem) -> Falsification:
-    cost, variation = problem.cost, problem.variation
-    found = _climbed(problem, problem.space.start, rollouts, starts)
-    worst = found.peaks[0]
-    numbers = {name: float(value) for name, value in variation.values(worst.point).items()}
+def requirement_of(scenario: Scenario, name: str) -> Requirement:
+    """Requirement of a scenario by its metric or the name of its sentence.
+
+    Raises:
+        UserError: it has no such requirement.
+    """
+    known = {each.metric: each for each in scenario.requirements.parsed()}
+    if not known:
+        raise UserError("--requirement", "of a scenario with [requirements]", name)
+    if name not in known:
+        raise UserError("--requirement", f"one of {', '.join(known)}{closest(name, known)}", name)
+    return known[name]
+
+
+def cost_of(problem: Problem, requirement: Requirement | None) -> Cost:
+    """Height that is climbed: a requirement's shortfall, or what tuning minimises."""
+    return problem.cost if requirement is None else Shortfall.of(problem, requirement)
+
+
+def sample_found(problem: Problem, peak: Peak, search: Ascent, requirement: Requirement | None) -> Falsification:
+    """The sample at a point that a search has found.
+
+    Args:
+        problem: whose samples were searched.
+        peak: the point.
+        search: that found it.
+        requirement: that it climbed against; None: the cost.
+    """
+    scenario, variation, objective = problem.scenario, problem.variation, problem.cost.objective
+    numbers = {name: float(value) for name, value in variation.values(peak.point).items()}
     nominal = Samples(batched(scenario.parameters(), 1))
-    origin = f"Worst sample found of: {scenario.description} (cost {worst.value:.6g} over {_horizon(cost):g} s)"
+    height = f"cost {peak.value:.6g}" if requirement is None else said(requirement, peak.value)
+    horizon = objective.steps * objective.step
+    origin = f"Worst sample found of: {scenario.description} ({height} over {horizon:g} s)"
     return Falsification(
         scenario=variation.sample(scenario.simulation.stream, numbers).with_overrides({"description": origin}),
         numbers=numbers,
         nominal={number.name: number.base for number in variation.numbers},
-        cost=worst.value,
-        nominal_cost=float(costs(cost, problem.space.start, nominal)[0]),
-        trail=found.trail,
-        rollouts=found.spent,
-        steps=found.spent * cost.objective.steps,
+        cost=peak.value,
+        nominal_cost=float(cost_of(problem, requirement).each(problem.space.start, nominal)[0]),
+        trail=search.trail,
+        rollouts=search.spent,
+        steps=search.spent * objective.steps,
+        requirement=requirement,
     )
+
+
+def said(requirement: Requirement, shortfall: float) -> str:
+    """Words on how far a rollout is from a requirement, from its shortfall in units of the scale [-]."""
+    if shortfall >= FAILED:
+        return f"{requirement.short} violated: the rollout fails"
+    outcome = "violated" if shortfall > 0.0 else "kept"
+    return f"{requirement.short} {outcome}, robustness {-shortfall * requirement.scale:.6g}"
 
 
 def worst_samples(
@@ -168,14 +227,20 @@ def worst_samples(
     Raises:
         UserError: the budget has no room for a climb.
     """
-    peaks = _climbed(problem, vector, rollouts, starts).peaks
+    peaks = climbed(problem, vector, rollouts, starts, problem.cost).peaks
     landscape = SampleCost(problem.cost, problem.variation, vector)
     return landscape.samples(np.stack([peak.point for peak in peaks[:count]]))
 
 
-def random_costs(problem: Problem, count: int) -> np.ndarray:
-    """Costs (count,) of random samples under the scenario's gains, as a sweep would draw them."""
-    return costs(problem.cost, problem.space.start, problem.samples(RANDOM, count))
+def random_costs(problem: Problem, count: int, requirement: Requirement | None = None) -> np.ndarray:
+    """Costs (count,) of random samples under the scenario's gains, as a sweep would draw them.
+
+    Args:
+        problem: whose samples they are.
+        count: of the samples.
+        requirement: whose shortfall is wanted in place of the cost, in units of its scale.
+    """
+    return cost_of(problem, requirement).each(problem.space.start, problem.samples(RANDOM, count))
 
 
 def table(found: Falsification, random: np.ndarray | None = None) -> str:
@@ -185,26 +250,35 @@ def table(found: Falsification, random: np.ndarray | None = None) -> str:
     lines += [
         f"{name:{width}} {found.nominal[name]:12.6g} {round(value, 12):12.6g}" for name, value in found.numbers.items()
     ]
-    outcome = "the rollout fails" if found.failed else f"{found.cost:.6g}"
     spent = f"{found.rollouts} rollouts, {found.steps} steps"
-    lines += ["", f"cost of the sample found: {outcome} ({spent}); of the scenario itself: {found.nominal_cost:.6g}"]
+    heights = (found.cost, found.nominal_cost)
+    if found.requirement is None:
+        own, nominal = ("the rollout fails" if height >= FAILED else f"{height:.6g}" for height in heights)
+        lines += ["", f"cost of the sample found: {own} ({spent}); of the scenario itself: {nominal}"]
+    else:
+        own, nominal = (said(found.requirement, height) for height in heights)
+        lines += ["", f"sample found: {own} ({spent})", f"scenario itself: {nominal}"]
     if random is not None:
-        failures, worst = int(np.sum(random >= FAILED)), float(np.max(random))
-        said = (
-            f"{failures} fail"
-            if failures
-            else f"{worst:.6g}; the found one costs {found.cost / worst:.4g} times as much"
-        )
-        lines.append(f"worst of {len(random)} random samples: {said}")
+        lines.append(f"worst of {len(random)} random samples: {_worst(found, random)}")
     return "\n".join(lines) + "\n"
 
 
-def _horizon(cost: RobustCost) -> float:
-    return cost.objective.steps * cost.objective.step
+def _worst(found: Falsification, random: np.ndarray) -> str:
+    failures, worst = int(np.sum(random >= FAILED)), float(np.max(random))
+    if failures:
+        return f"{failures} fail"
+    if found.requirement is not None:
+        return f"{said(found.requirement, worst)}; {int(np.sum(random > 0.0))} violate it"
+    return f"{worst:.6g}; the found one costs {found.cost / worst:.4g} times as much"
 
 
-def _climbed(problem: Problem, vector: np.ndarray, rollouts: int, starts: int) -> Ascent:
-    landscape = SampleCost(problem.cost, problem.variation, vector)
+def climbed(problem: Problem, vector: np.ndarray, rollouts: int, starts: int, cost: Cost) -> Ascent:
+    """Climb a cost over a problem's samples, under the gains of a vector (n,).
+
+    Raises:
+        UserError: the budget has no room for a climb.
+    """
+    landscape = SampleCost(cost, problem.variation, vector)
     least = starts + landscape.slope_price + len(LADDER)
     if rollouts < least:
         raise UserError("rollouts", f"at least {least}, for {starts} starts and one step of a climb", rollouts)

@@ -1,0 +1,56 @@
+"""Report on different failures of a scenario: a line each, and a folder of their scenarios for ``coopmm check``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from coopmm_jax.files import write_csv, write_text
+from coopmm_jax.page import keep_page, write_page
+from coopmm_jax.scenario.scenario import Scenario
+from tuning.reports.pages import modes_page
+from tuning.studies.falsify import said
+from tuning.studies.modes import Modes
+
+
+def write_report(folder: Path, modes: Modes, scenario: Scenario, rollouts: int) -> None:
+    """Write a scenario file of each failure, failures.csv, and report.html with page.json behind it.
+
+    Args:
+        folder: of the results.
+        modes: the failures, at least one.
+        scenario: that was searched.
+        rollouts: budget for each requirement.
+    """
+    names = files(modes)
+    rows = []
+    for name, found, broken in zip(names, modes.found, modes.broken, strict=True):
+        write_text(folder / name, found.scenario.to_toml())
+        requirement = found.requirement
+        robustness = -found.cost * requirement.scale if requirement else ""
+        rows.append([name, requirement and requirement.metric, robustness, " ".join(broken), *found.numbers.values()])
+    header = ["file", "climbed_against", "robustness", "broken", *modes.found[0].numbers]
+    write_csv(folder / "failures.csv", header, rows)
+    page = modes_page(modes, names, scenario, rollouts)
+    keep_page(folder, page)
+    write_page(folder, page)
+
+
+def files(modes: Modes) -> list[str]:
+    """Names of the scenario files, in the order of the failures."""
+    digits = len(str(len(modes.found)))
+    broken = (found.requirement.metric if found.requirement else "cost" for found in modes.found)
+    return [f"{i:0{digits}}_{name}.toml" for i, name in enumerate(broken, 1)]
+
+
+def table(modes: Modes) -> str:
+    """A line for each failure, for a terminal."""
+    spent = f"{modes.rollouts} rollouts against {', '.join(map(str, modes.searched))}"
+    if not modes.found:
+        return f"no failure found ({spent})\n"
+    lines = []
+    for name, found, broken in zip(files(modes), modes.found, modes.broken, strict=True):
+        outcome = said(found.requirement, found.cost) if found.requirement else ""
+        also = [each for each in broken if found.requirement and each != found.requirement.metric]
+        lines.append(f"{name.removesuffix('.toml')}: {outcome}{', also ' + ', '.join(also) if also else ''}")
+        lines += [f"    {number} {value:.6g}" for number, value in found.numbers.items()]
+    return "\n".join([*lines, f"{len(modes.found)} different failures ({spent})"]) + "\n"
