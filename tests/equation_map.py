@@ -37,6 +37,8 @@ EQUATIONS = {
     "loop.closed_loop": ("(11)-(24)", "all of it as one vector field"),
     "parameters": ("(12)-(15), (17)-(24)", "gains and every other number of a rollout"),
     "proof.terms": ("(30)-(40)", "the terms of the proof of Theorem 3.1"),
+    "proof.steps": ("(34)-(37), (39), (40)", "both sides of the proof's steps, Assumption 3.2"),
+    "proof.margins": ("(40)", "the steps' margins while a rollout is traced"),
     "proof.lyapunov": ("(31), (40)", "the Lyapunov function and its bound along a run"),
     "plotting.motion": ("(6)", "figures 3, 4, 5, 7 and 8"),
     "plotting.control": ("(15), (18), (20)-(24)", "figures 6 and 9, sigma, chat"),

@@ -29,6 +29,7 @@ from coopmm_jax.parameters import (
 )
 from coopmm_jax.proof import lyapunov
 from coopmm_jax.proof import terms as proof_terms
+from coopmm_jax.proof.steps import check_loop
 from tests.oracles import lagrangian
 from tests.samples import assert_close, poses
 
@@ -227,8 +228,19 @@ def test_what_cannot_be_analysed_is_named(change, field):
         lyapunov.analyse(cm.simulate(scenario), every=0 if field == "every" else 1)
 
 
+def test_steps_can_be_required_as_they_are_analysed():
+    required = {f"step_{n}": f"always proof_{n} >= 0" for n in (34, 35, 36, 37, 39, 40)}
+    run = cm.simulate(cm.load_scenario("paper", simulation={"duration": 0.05}, requirements=required))
+    analysis = lyapunov.analyse(run)
+    margins = {f"step_{step.strip('()')}": -excess.max() for step, excess in analysis.excess.items()}
+    margins["step_40"] = -(analysis.V_rate - analysis.bound).max()
+    assert {name: run.metrics[name] for name in required} == pytest.approx(margins, rel=1e-9, abs=1e-12)
+
+
 @pytest.mark.parametrize("real", [{"substeps": 1}, {"force_delay": 1}, {"features": Features(torque_limits=True)}])
 def test_real_loops_are_outside_the_proof(real):
+    with pytest.raises(UserError, match=r"^scenario: must be the proof's loop"):
+        check_loop(Structure(**real), Parameters())
     with pytest.raises(UserError, match=r"^scenario: must be the proof's loop"):
         lyapunov.analyse_states(Structure(**real), Parameters(), *random_states(0))
 

@@ -17,13 +17,16 @@ import jax.numpy as jnp
 
 from coopmm_jax.algebra.types import Bool, Scalar
 from coopmm_jax.metrics.margins import EXACT, joined, margin
-from coopmm_jax.metrics.sentence import Formula, Logic, Temporal, is_pointwise
+from coopmm_jax.metrics.sentence import Formula, Logic, Temporal, is_pointwise, signals_of
+from coopmm_jax.metrics.signals import AFTERWARDS
 
 Watched: TypeAlias = tuple[tuple[Scalar, ...], ...]  # what is known of each ``leaf`` of a sentence
 
 
 def needs_samples(form: Formula) -> bool:
     """True if a sentence's robustness cannot be had from what ``watch`` keeps."""
+    if any(name in AFTERWARDS for name in signals_of(form)):
+        return True
     return not all(is_pointwise(leaf) or _is_running(leaf) for leaf in _leaves(form))
 
 

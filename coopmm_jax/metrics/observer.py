@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from coopmm_jax.algebra.types import Bool, Scalar, Vector
+from coopmm_jax.algebra.types import Bool, PyTree, Scalar
 from coopmm_jax.kinds.probe import number_of
 from coopmm_jax.loop.rollout import Observer
 from coopmm_jax.loop.state import Signals
@@ -140,8 +140,9 @@ def observer(
         seen_so_far = watching.after(sentences, total.watching, total.samples[WHOLE], sample)
         return Total(samples, gathered, now, seen_so_far)
 
-    start = _start(structure, sentences, smoothly, names)
-    return Observer(start, update, (lambda total: total.watching.kept) if start.watching.kept else None)
+    start = _start(structure, watching.start(sentences, smoothly, structure, parameters), names)
+    keeps = start.watching.kept or start.watching.state
+    return Observer(start, update, (lambda total: (total.watching.kept, total.watching.state)) if keeps else None)
 
 
 def finish(
@@ -149,7 +150,8 @@ def finish(
     duration: Scalar,
     step: Scalar,
     sentences: Sentences = NO_SENTENCES,
-    kept: Mapping[str, Vector] | None = None,
+    kept: PyTree = None,
+    loop: tuple[Structure, Parameters] = (Structure(), Parameters()),
     temperature: Scalar | None = None,
     names: Sequence[str] | None = None,
 ) -> dict[str, Scalar]:
@@ -163,6 +165,7 @@ def finish(
         step: as given to it [s].
         sentences: as given to it.
         kept: what the rollout kept of every sample.
+        loop: static choices and parameters of the rollout, for sentences that speak of the proof.
         temperature: of the smooth robustness, in units of each sentence's scale; left out, it is exact.
         names: as given to it.
     """
@@ -177,18 +180,17 @@ def finish(
     if not sentences.forms:
         return metrics
     count = total.samples[WHOLE]
-    survived = count * step / (duration + step)
-    return metrics | watching.finish(sentences, total.watching, kept, step, count, survived, complete, temperature)
+    ran = watching.Ran(*loop, step, count, count * step / (duration + step), complete)
+    return metrics | watching.finish(sentences, total.watching, kept, ran, temperature)
 
 
 def _wanted(names: Sequence[str] | None) -> Mapping[str, Metric]:
     return METRICS if names is None else {name: METRICS[name] for name in names}
 
 
-def _start(structure: Structure, sentences: Sentences, smoothly: bool, names: Sequence[str] | None) -> Total:
+def _start(structure: Structure, at_start: Watching, names: Sequence[str] | None) -> Total:
     """Total of no sample."""
     zero = jnp.zeros((), jnp.result_type(float))
     needed = dict.fromkeys(map(Gathered.of, _wanted(names).values()))
     gathered = {key: zero + _ACCUMULATIONS[key.accumulation].start for key in needed}
-    at_start = watching.start(sentences, smoothly, zero)
     return Total({WHOLE: zero, LATE: zero}, gathered, no_past(structure), at_start)

@@ -72,6 +72,20 @@ _TABLE = (
     SignalAbout("determinant", "-", "smallest |det J_dep| of an arm over its first: 0 where an arm is singular"),
     *_by_entry(),
 )
+# Margins of the proof of Theorem 3.1, which need the whole motion: known after a rollout, where a sentence asks for
+# them.
+_STEPS = {
+    "34": "of the inertia's step",
+    "35": "of the Coriolis terms'",
+    "36": "of gravity's",
+    "37": "of the disturbance's",
+}
+_STEPS |= {"39": "of the coupling signal's", "40": "of the bound on the Lyapunov function's rate"}
+AFTERWARDS = {
+    f"proof_{n}": SignalAbout(f"proof_{n}", "1/s", f"margin {what}, ({n}): right less left side; at most 401 instants")
+    for n, what in _STEPS.items()
+}
+_TABLE += tuple(AFTERWARDS.values())
 BUILT_IN = {signal.name: signal for signal in _TABLE}
 
 

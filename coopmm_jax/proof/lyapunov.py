@@ -11,24 +11,19 @@ disturbance d of both robots in u, because (37) needs |L^T d| <= |L| c_5.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.controllers import name_of
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.robot import ROBOTS, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, in_platform
-from coopmm_jax.parameters import Gains, Parameters, Structure
-from coopmm_jax.proof.terms import ProofTerms, Reduced, proof_terms
-
-if TYPE_CHECKING:
-    from coopmm_jax.runs.trajectory import Trajectory
-
-STEPS = ("(34)", "(35)", "(36)", "(37)", "(39)")
+from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.proof.steps import STEPS, bounds_at, check_controller, check_loop, sides, uncertainty_of
+from coopmm_jax.proof.terms import proof_terms
 
 
 class Analysis(NamedTuple):
@@ -50,7 +45,7 @@ class Analysis(NamedTuple):
         return self.V1 + self.V2
 
 
-def analyse(trajectory: Trajectory, every: int = 1) -> Analysis:
+def analyse(trajectory: Any, every: int = 1) -> Analysis:
     """(31)-(40) and Properties 2.1, 2.2 along a simulated motion.
 
     Args:
@@ -86,18 +81,14 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
         UserError: as ``analyse``.
     """
     gains = parameters.gains
-    _check_controller(gains)
-    if structure.substeps or structure.force_delay or any(structure.features) or parameters.schedule:
-        raise UserError("scenario", "the proof's loop: continuous control, ideal devices, constant gains", "another")
+    check_loop(structure, parameters)
     if len(t) == 0:
         raise UserError("trajectory", "at least one sample long", "empty")
-    if min(gains.gamma) <= 0:
-        raise UserError("gains.gamma", "positive for the Lyapunov function (31)", gains.gamma)
     terms = proof_terms(structure, parameters, t, states)
-    uncertainty = Reduced(*(plant - nominal for plant, nominal in zip(terms.plant, terms.nominal, strict=True)))
-    c = _bounds(terms, uncertainty)
+    uncertainty = uncertainty_of(terms)
+    c = bounds_at(np, terms, uncertainty, _spectral).max(axis=1)
     gamma, estimate_error = np.array(gains.gamma), terms.c_hat - c
-    left, right = _steps(gains, terms, uncertainty, c)
+    left, right = sides(np, gains, terms, uncertainty, c)
     V2_rate = _dot(terms.sigma, terms.sigma_rate) + _dot(estimate_error / gamma, terms.c_hat_rate)
     return Analysis(
         t=np.asarray(t),
@@ -114,11 +105,6 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
             "G": np.linalg.norm(terms.plant.G, axis=1),
         },
     )
-
-
-def _check_controller(gains: Any) -> None:
-    if type(gains) is not Gains:
-        raise UserError("law.controller", "robust_adaptive, which the proof is about", name_of(gains))
 
 
 def report(analysis: Analysis) -> dict[str, Any]:
@@ -146,35 +132,6 @@ def _largest(t: np.ndarray, excess: np.ndarray) -> dict[str, float]:
     return {"excess": float(excess[worst]), "t": float(t[worst]), "share": float(np.mean(excess > 0))}
 
 
-def _bounds(terms: ProofTerms, uncertainty: Reduced) -> np.ndarray:
-    """c (5,): the least bounds of Assumption 3.2 along the motion."""
-    per_speed = _spectral(uncertainty.C) / terms.speed
-    gravity = np.linalg.norm(uncertainty.G, axis=1)
-    return np.array([_spectral(uncertainty.M).max(), 0.0, per_speed.max(), gravity.max(), terms.disturbance_size.max()])
-
-
-def _steps(gains: Gains, terms: ProofTerms, uncertainty: Reduced, c: np.ndarray) -> tuple[dict, dict]:
-    """Left and right sides (T,) of each of STEPS."""
-    gamma = np.array(gains.gamma)
-    toward = np.linalg.solve(terms.plant.M, terms.sigma[..., None])[..., 0]  # Mr^-1 sigma
-    robust = np.einsum("ti,tki->kt", toward, terms.robust)
-    adaptation = ((terms.c_hat - c) / gamma * terms.c_hat_rate).T
-    leak = terms.alpha[:, None] / gamma
-    right = (-leak * (terms.c_hat - 0.5 * c) ** 2 + leak * c**2 / 4).T + terms.delta / gains.lam_min
-    inertia = -np.einsum("ti,tij,tj->t", toward, uncertainty.M, terms.acceleration)
-    coriolis = np.einsum("ti,tij,tj->t", toward, uncertainty.C, terms.independent)
-    gravity, disturbance = _dot(toward, uncertainty.G), _dot(toward, terms.disturbance)
-    left = (
-        inertia + robust[0] + adaptation[0],
-        -coriolis + robust[1] + robust[2] + adaptation[1] + adaptation[2],
-        -gravity + robust[3] + adaptation[3],
-        -disturbance + robust[4] + adaptation[4],
-        terms.cross + robust[5],
-    )
-    right = (right[0], right[1] + right[2], right[3], right[4], terms.delta)
-    return dict(zip(STEPS, left, strict=True)), dict(zip(STEPS, right, strict=True))
-
-
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("ti,ti->t", a, b)
 
@@ -183,13 +140,13 @@ def _spectral(matrices: np.ndarray) -> np.ndarray:
     return np.linalg.norm(matrices, 2, axis=(1, 2))
 
 
-def states_of(trajectory: Trajectory, every: int = 1) -> tuple[np.ndarray, State]:
+def states_of(trajectory: Any, every: int = 1) -> tuple[np.ndarray, State]:
     """Times (T,) [s] and states, leaves (T,), of one sample in ``every`` of a trajectory; in float64.
 
     Raises:
         UserError: another controller than the paper's.
     """
-    _check_controller(trajectory.scenario.parameters().gains)
+    check_controller(trajectory.scenario.parameters().gains)
     part = partitioning.partition(trajectory.rows)
 
     def columns(values: np.ndarray) -> tuple[Any, ...]:  # arrays in the place of scalars

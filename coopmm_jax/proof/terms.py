@@ -87,13 +87,20 @@ def proof_terms(structure: Structure, parameters: Parameters, t: np.ndarray, sta
         for first in range(0, count, _BATCH):
             chosen = np.minimum(np.arange(first, first + _BATCH), count - 1)
             at, here = jax.tree.map(lambda x, chosen=chosen: jnp.asarray(np.asarray(x)[chosen]), (t, states))
-            batches.append(jax.tree.map(np.asarray, _evaluate(structure, model, at, here)))
+            batches.append(jax.tree.map(np.asarray, evaluate(structure, model, at, here)))
     joined = jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1)[..., :count], *batches)
     return jax.tree.map(lambda x: np.moveaxis(x, -1, 0), joined)
 
 
-def _evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> ProofTerms:
-    """``ProofTerms`` with the instants along the last axis."""
+def evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> ProofTerms:
+    """``ProofTerms`` with the instants along the last axis.
+
+    Args:
+        structure: static choices.
+        model: of the rollout.
+        t: (T,) [s].
+        state: a ``State`` with leaves (T,).
+    """
     gains, part = model.gains, partitioning.partition(structure.rows)
     rates, _ = closed_loop(structure, model, t, state)
     (V1, sigma), (V1_rate, sigma_rate) = jax.jvp(

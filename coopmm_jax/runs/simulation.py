@@ -115,7 +115,11 @@ def _compiled(
         structure, parameters, step, steps, plan, observer.observer(structure, parameters, **horizon), record=True
     )
     series = jax.vmap(functools.partial(_sample, structure, parameters))(*result.record)
-    return series, observer.finish(result.total, **horizon, kept=result.kept), result.health
+    return (
+        series,
+        observer.finish(result.total, **horizon, kept=result.kept, loop=(structure, parameters)),
+        result.health,
+    )
 
 
 def _sample(structure: Structure, parameters: Parameters, t: Scalar, signals: Signals) -> dict[str, Any]:

@@ -15,6 +15,8 @@ from pydantic import SerializeAsAny, ValidationInfo, field_validator, model_vali
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import controller
 from coopmm_jax.kinds.paths import ROUND, is_closed
+from coopmm_jax.metrics.sentence import signals_of
+from coopmm_jax.metrics.signals import AFTERWARDS
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import (
     Geometry,
@@ -222,6 +224,10 @@ class BaseScenario(HardwareSections):
             if sentence is None and metric not in METRICS:
                 must = f"a metric, as coopmm simulate --out writes them{closest(metric, METRICS)}"
                 raise UserError(f"requirements.{metric}", must, "unknown")
+            if sentence is not None and any(name in AFTERWARDS for name in signals_of(sentence.form)):
+                from coopmm_jax.proof.steps import check_loop  # imports JAX, which other requirements do without
+
+                check_loop(self.structure(), self.parameters())
             if sentence is not None and sentence.reach() > duration:
                 must = f"a sentence whose windows all begin within the {duration:g} s of the run"
                 raise UserError(f"requirements.{metric}", must, f"one that looks {sentence.reach():g} s ahead")

@@ -140,7 +140,7 @@ def _metrics_of(
 ) -> tuple[dict[str, Scalar], Health]:
     horizon = {"duration": steps * step, "step": step, "sentences": Sentences(measured[1], numbers)}
     result = rollout(structure, parameters, step, steps, plan, observer.observer(structure, parameters, **horizon))
-    return observer.finish(result.total, **horizon, kept=result.kept), result.health
+    return observer.finish(result.total, **horizon, kept=result.kept, loop=(structure, parameters)), result.health
 
 
 def _series_of(

@@ -105,7 +105,8 @@ class Required:
         watching = observer.observer(one.structure, parameters, **about, smoothly=smoothly)
         result = rollout(one.structure, parameters, one.step, one.steps, one.plan(smoothly), watching)
         temperature = TEMPERATURE if smoothly else None
-        found = observer.finish(result.total, **about, kept=result.kept, temperature=temperature)
+        loop = (one.structure, parameters)
+        found = observer.finish(result.total, **about, kept=result.kept, loop=loop, temperature=temperature)
         completed, survived = one.outcome(result)
         return robustness(stated, found, completed, survived), completed
 

@@ -1,0 +1,66 @@
+"""Margins of the proof's steps and of the bound (40) while a rollout is traced: how far each holds at each instant.
+
+As in ``lyapunov.py``, the bounds c_k of Assumption 3.2 are the least that hold along the motion, so all of the motion
+has to be known: the rollout's states are kept, and looked at afterwards, at a few hundred instants.
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+
+from coopmm_jax.algebra.types import Scalar
+from coopmm_jax.loop.state import Signals, State
+from coopmm_jax.mechanics import partitioning
+from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.proof.steps import STEPS, bounds_at, check_loop, sides, uncertainty_of
+from coopmm_jax.proof.terms import evaluate
+
+# Signal of each step, and of the bound (40), whose excess is that of all steps.
+NAMES = (*(f"proof_{step.strip('()')}" for step in STEPS), "proof_40")
+INSTANTS = 401  # of a rollout that are looked at, at most
+
+
+def state_of(structure: Structure, signals: Signals) -> State:
+    """State of the proof's loop, from its signals at one instant; every leaf is a scalar."""
+    independent, _ = partitioning.parted(partitioning.partition(structure.rows), signals.velocity)
+    return State(signals.position, independent, signals.controller, carriage=signals.carriage)
+
+
+def margins(structure: Structure, parameters: Parameters, t: jax.Array, states: State) -> dict[str, jax.Array]:
+    """Right less left side of each step and of (40) by signal, (T,); negative where it does not hold [1/s].
+
+    Args:
+        structure: static choices.
+        parameters: of the rollout.
+        t: instants (T,) [s].
+        states: of the loop, leaves (T,).
+
+    Raises:
+        UserError: a loop that the proof is not about.
+    """
+    check_loop(structure, parameters)
+    terms = jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), evaluate(structure, build_model(parameters), t, states))
+    uncertainty = uncertainty_of(terms)
+    c = jnp.max(bounds_at(jnp, terms, uncertainty, _spectral), axis=1)
+    left, right = sides(jnp, parameters.gains, terms, uncertainty, c)
+    found = [right[step] - left[step] for step in STEPS]
+    return dict(zip(NAMES, [*found, jnp.sum(jnp.stack(found), axis=0)], strict=True))
+
+
+def instants(last: Scalar) -> tuple[jax.Array, jax.Array]:
+    """Numbers of the samples that are looked at (T,), and how many samples lie from one to the next.
+
+    Args:
+        last: number of the run's last sample.
+    """
+    stride = jnp.maximum(1, -(-jnp.asarray(last, jnp.int32) // (INSTANTS - 1)))
+    return jnp.minimum(stride * jnp.arange(INSTANTS, dtype=jnp.int32), last), stride
+
+
+def _spectral(matrices: jax.Array) -> jax.Array:
+    """Norms (T,) of matrices (T, n, n), with a derivative where they vanish."""
+    square = jnp.linalg.eigvalsh(jnp.swapaxes(matrices, -1, -2) @ matrices)[..., -1]
+    positive = square > 0.0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
