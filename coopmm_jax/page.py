@@ -21,19 +21,23 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.files import read_json, write_json, write_text
 
 REPORT, CONTENT = "report.html", "page.json"
+_LONG = 40  # characters of a cell that reads like a sentence
 _NUMBER = re.compile(r"[-+]?(\d|\.\d|inf|nan).*")
 _STYLE = """
 body { font: 16px/1.45 system-ui, sans-serif; color: #222; background: #fff }
-body { max-width: 60rem; margin: 0 auto; padding: 1rem }
+body { max-width: 60rem; margin: 0 auto; padding: 1rem; overflow-wrap: break-word }
 h1 { font-size: 1.6rem; margin: 0.5rem 0 } h2 { font-size: 1.2rem; margin: 2rem 0 0.5rem }
 .wide { overflow-x: auto } table { border-collapse: collapse; font-size: 0.9rem }
 th, td { padding: 0.25rem 0.6rem; text-align: left; border-bottom: 1px solid #ddd; vertical-align: top }
-td.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums }
+.n { text-align: right } td.n { white-space: nowrap; font-variant-numeric: tabular-nums } td.text { min-width: 16rem }
 figure { margin: 1rem 0 } img { max-width: 100%; height: auto } figcaption { font-size: 0.9rem; color: #555 }
 pre { background: #f5f5f5; padding: 0.75rem; overflow-x: auto; font-size: 0.8rem }
+@media (max-width: 40rem) { figure .wide img { max-width: none; width: 40rem } }
 @media print {
   body { max-width: none; font-size: 10pt } pre { white-space: pre-wrap; overflow-wrap: anywhere }
   h2 { break-after: avoid } figure, tr { break-inside: avoid } .wide { overflow: visible }
+  table { font-size: 7.5pt } th, td { padding: 0.15rem 0.35rem } td.text { min-width: 11rem }
+  pre.settings { columns: 2; font-size: 7pt }
 }
 """
 
@@ -118,7 +122,7 @@ def html(page: Page, folder: Path) -> str:
             "<h2>How to reproduce it</h2>\n<p>Save the settings below as scenario.toml, then:</p>",
             f"<pre>{escape(chr(10).join(page.commands))}</pre>",
             *_table(("software", "version"), page.versions.items()),
-            f"<h2>Settings</h2>\n<pre>{escape(page.scenario)}</pre>\n</body>\n</html>\n",
+            f'<h2>Settings</h2>\n<pre class="settings">{escape(page.scenario)}</pre>\n</body>\n</html>\n',
         ]
     )
 
@@ -128,24 +132,31 @@ def _part(part: Table | Picture | Text, folder: Path) -> Iterator[str]:
         path = folder / part.file
         if path.exists():
             data = base64.b64encode(path.read_bytes()).decode("ascii")
-            yield f'<figure><img alt="{escape(part.title)}" src="data:image/png;base64,{data}">'
+            yield f'<figure><div class="wide"><img alt="{escape(part.title)}" src="data:image/png;base64,{data}"></div>'
             yield f"<figcaption>{escape(part.title)}</figcaption></figure>"
         return
     yield f"<h2>{escape(part.title)}</h2>"
     yield from _paragraphs(part.lines) if isinstance(part, Text) else _table(part.header, part.rows)
 
 
-def _table(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> Iterator[str]:
+def _table(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> Iterator[str]:
     yield '<div class="wide"><table>'
-    yield f"<tr>{''.join(f'<th>{escape(cell)}</th>' for cell in header)}</tr>"
+    rows = [list(row) for row in rows]
+    ends = rows[0] if rows else []
+    kinds = [_kind(ends[i]) if i < len(ends) else "" for i, _ in enumerate(header)]
+    yield f"<tr>{''.join(f'<th{kind}>{escape(cell)}</th>' for kind, cell in zip(kinds, header, strict=True))}</tr>"
     for row in rows:
         yield f"<tr>{''.join(map(_cell, row))}</tr>"
     yield "</table></div>"
 
 
 def _cell(text: str) -> str:
-    kind = ' class="n"' if _NUMBER.fullmatch(text) else ""
-    return f"<td{kind}>{escape(text)}</td>"
+    return f"<td{_kind(text)}>{escape(text)}</td>"
+
+
+def _kind(text: str) -> str:
+    """Class of a cell: numbers stand to the right, sentences need room."""
+    return ' class="n"' if _NUMBER.fullmatch(text) else ' class="text"' if len(text) > _LONG else ""
 
 
 def _paragraphs(lines: Iterable[str]) -> Iterator[str]:

@@ -228,11 +228,16 @@ def test_page_holds_every_frame_and_needs_nothing_else(run, animation, tmp_path)
     animate(run, path=tmp_path / "run.html", width=480)
     page = (tmp_path / "run.html").read_text(encoding="utf-8")
     assert not re.search(r"https?:|src=|href=|\$[A-Z]", page)
-    frames = json.loads(re.search(r"const frames = (\[.*?\]), fps = 25;", page)[1])
-    assert len(frames) == 26
-    with Image.open(io.BytesIO(base64.b64decode(frames[2]))) as png:
-        shown = np.asarray(png.convert("RGB"))
-    assert np.abs(shown - animation.picture(2).astype(int)).mean() < 1.5
+    found = re.search(r"const \[background, ...frames\] = (\[.*?\]), about = (\{.*\});", page)
+    layers, about = map(json.loads, found.groups())
+    assert len(layers) == 1 + 26
+    assert (about["fps"], about["cuts"]) == (25, [0, 249, 480])
+    shown = Image.new("RGBA", (480, animation.picture(0).shape[0]))
+    for layer in (layers[0], layers[1 + 2]):
+        with Image.open(io.BytesIO(base64.b64decode(layer))) as picture:
+            shown = Image.alpha_composite(shown, picture.convert("RGBA"))
+    difference = np.asarray(shown.convert("RGB")) - animation.picture(2).astype(int)
+    assert np.abs(difference).mean() < 1.5
 
 
 @pytest.fixture

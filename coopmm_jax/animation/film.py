@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from coopmm_jax.animation import writers
 from coopmm_jax.animation.scene import COLOURS
-from coopmm_jax.animation.stage import stage
+from coopmm_jax.animation.stage import cuts, stage
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path, result_folder
 from coopmm_jax.memory import check_memory
@@ -67,7 +67,7 @@ class Animation:
         check_look(fps, speed, width, len(group))
         if not all(len(run.trajectory.t) for run in group):
             raise UserError("trajectories", "runs with at least one sample", "a run that failed at its start")
-        self.fps, self.colours = fps, COLOURS
+        self.fps, self.colours, self.cuts = fps, COLOURS, cuts(len(group), width)
         frames = frame_count(float(longest(group).t[-1]), fps, speed, width)
         self.times = np.arange(frames) * speed / fps  # (F,) [s]
         figure, self._views = stage(group, self.times, width)

@@ -92,6 +92,17 @@ def row_layout(width: int, above: int, side_ratio: float) -> Layout:
     return Layout([boxes], width, _even(BELOW + world + above))
 
 
+def cuts(runs: int, width: int) -> list[int]:
+    """Places [pixel] from the left at which the figure can be cut into parts that a narrow screen shows one by one.
+
+    >>> cuts(2, 800), cuts(1, 800)
+    ([400], [429])
+    """
+    if runs > 1:
+        return [i * (width // runs) for i in range(1, runs)]
+    return [LEFT + round(WORLD_SHARE * (width - 2 * (LEFT + EDGE))) + EDGE // 2]
+
+
 def column_layout(runs: int, width: int, above: int, side_ratio: float) -> Layout:
     """Several runs side by side, the views of each below one another.
 

@@ -16,11 +16,13 @@ from typing import Protocol
 import numpy as np
 from PIL import Image
 from scipy.spatial import KDTree
+from scipy.stats import mode
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import write_text
 
 COLOURS = 96  # of a palette: the pictures are flat areas and their smoothed edges
+GREYS = np.repeat(np.array([[89], [128], [166], [204], [230]], np.uint8), 3, axis=1)  # of text, curves and grids
 SAMPLED = 12  # frames from which the palette is chosen
 PAUSE = 1.0  # [s] on the last frame before a GIF starts again
 
@@ -30,6 +32,7 @@ class Frames(Protocol):
 
     fps: float
     colours: np.ndarray  # (n, 3), uint8, that must be exact, however few pixels have them
+    cuts: list[int]  # [pixel] from the left, between parts that a narrow screen shows one by one
 
     def __len__(self) -> int: ...
 
@@ -53,15 +56,23 @@ def write_gif(frames: Frames, path: Path) -> None:
 
 
 def write_html(frames: Frames, path: Path) -> None:
-    """Write a self-contained page with a player: the frames are in it as PNG pictures."""
-    pictures = []
-    for image in indexed(frames):
-        png = io.BytesIO()
-        image.save(png, "png")
-        pictures.append(base64.b64encode(png.getvalue()).decode("ascii"))
+    """Write a self-contained page with a player: the background, and of each frame what differs from it."""
+    palette = np.concatenate([frames.colours, GREYS])  # few, which halves the page
+    entry = _nearest(palette, exact=len(palette))
+    still = _still(frames, entry)
+    pictures = [_encoded(palette[still], np.ones(still.shape, bool))]
+    for k in range(len(frames)):
+        drawn = entry[_bin(frames.picture(k))]
+        pictures.append(_encoded(palette[drawn], drawn != still))
+    height, width = still.shape
+    about = {"fps": frames.fps, "width": width, "height": height, "cuts": [0, *frames.cuts, width]}
     player = (resources.files("coopmm_jax") / "animation" / "player.html").read_text(encoding="utf-8")
-    page = player.replace("$FRAMES", json.dumps(pictures)).replace("$FPS", f"{frames.fps:g}")
-    write_text(path, page)
+    write_text(
+        path,
+        player.replace("$FRAMES", json.dumps(pictures))
+        .replace("$ABOUT", json.dumps(about))
+        .replace("$WIDTH", str(width)),
+    )
 
 
 def write_mp4(frames: Frames, path: Path) -> None:
@@ -107,6 +118,21 @@ def indexed(frames: Frames) -> Iterator[Image.Image]:
         image = Image.fromarray(entry[_bin(frames.picture(k))])
         image.putpalette(palette.tobytes())
         yield image
+
+
+def _still(frames: Frames, entry: np.ndarray) -> np.ndarray:
+    """Background (height, width): the palette's entry that each pixel shows most often, in a few frames."""
+    sampled = np.unique(np.linspace(0, len(frames) - 1, SAMPLED).astype(int))
+    return mode(np.stack([entry[_bin(frames.picture(k))] for k in sampled])).mode
+
+
+def _encoded(colours: np.ndarray, shown: np.ndarray) -> str:
+    """Picture (height, width, 3) as lossless WebP in base64, transparent where it is not to be shown."""
+    stream = io.BytesIO()
+    pixels = np.dstack([colours, np.full(shown.shape, 255, np.uint8)])
+    pixels[~shown] = 0
+    Image.fromarray(pixels).save(stream, "webp", lossless=True, quality=20, method=1)
+    return base64.b64encode(stream.getvalue()).decode("ascii")
 
 
 def _palette(frames: Frames) -> np.ndarray:

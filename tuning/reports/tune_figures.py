@@ -27,8 +27,10 @@ def convergence(result: TuningResult) -> Figure:
     """Risk by simulated steps: of each iteration's best candidate, and the lowest on the fixed samples so far."""
     figure, (axes,) = panels(None, [["risk"]], 3.0)
     steps = [row.steps / 1e6 for row in result.history]
-    axes.semilogy(steps, [row.training for row in result.history], label="best of an iteration", **pen(0))
-    axes.semilogy(steps, [row.best for row in result.history], label="lowest on the fixed samples", **pen(2))
+    axes.semilogy(steps, [row.training for row in result.history], label="best of an iteration", marker=".", **pen(0))
+    axes.semilogy(
+        steps, [row.best for row in result.history], label="lowest on the fixed samples", marker=".", **pen(2)
+    )
     axes.set(xlabel="simulated steps [million]", ylabel="cost")
     plain_numbers(axes.yaxis)
     legend(axes)
