@@ -96,7 +96,7 @@ def cuts(runs: int, width: int) -> list[int]:
     """Places [pixel] from the left at which the figure can be cut into parts that a narrow screen shows one by one.
 
     >>> cuts(2, 800), cuts(1, 800)
-    ([400], [429])
+    ([400], [421])
     """
     if runs > 1:
         return [i * (width // runs) for i in range(1, runs)]
