@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
@@ -17,6 +18,8 @@ from coopmm_jax.scenario.overrides import merged, read_toml
 from coopmm_jax.scenario.scenario import load_scenario
 
 if TYPE_CHECKING:
+    import xarray
+
     from coopmm_jax.commands import Subparsers
 
 _MOST_JOBS = 10_000
@@ -47,6 +50,9 @@ def add(commands: Subparsers) -> None:
     parser.add_argument("--size", metavar="P", type=int, help="number of these processes")
     parser.add_argument("--coordinator", metavar="HOST:PORT", help="where they meet through jax.distributed")
     parser.add_argument("--distributed", action="store_true", help="let jax.distributed find rank, size, coordinator")
+    parser.add_argument(
+        "--slopes", action="store_true", help="how success probabilities change with every gain and tolerance"
+    )
     add_dask(parser)
     parser.add_argument(
         "--slurm", metavar="N", type=int, help="write a script of N Slurm jobs beside STORE, run nothing"
@@ -79,8 +85,22 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         print(f"{missing} of {data.sizes['sample']} samples are left to other processes, or to --resume")
         return DONE
     publish_and_print(folder, data)
+    if options.slopes:
+        _report_slopes(folder, data)
     print(f"written to {options.out} and {folder}")
     return DONE
+
+
+def _report_slopes(folder: Path, data: xarray.Dataset) -> None:
+    """Print the slopes of a sweep and write them beside its report."""
+    from coopmm_jax.sweeps import slopes_table
+    from coopmm_jax.sweeps.slopes import slopes
+    from coopmm_jax.sweeps.statistics import read_results
+
+    results = read_results(data)
+    found = slopes(results)
+    slopes_table.write(folder, found)
+    print(f"\n{slopes_table.text(results, found)}")
 
 
 def _write_jobs(options: argparse.Namespace) -> int:
