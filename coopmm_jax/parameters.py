@@ -18,6 +18,37 @@ from coopmm_jax.kinds.disturbances import Disturbance
 from coopmm_jax.kinds.registry import register
 
 
+class Trailer(NamedTuple):
+    """Tractor with a differential drive that pulls the platform: lengths of its axle, ahead of the platform's [m]."""
+
+    wheelbase: Scalar = 0.5  # between the axles
+    d_f: Scalar = 0.5  # centre of the tractor ahead of its axle
+    l_f: Scalar = 0.5  # half track of the tractor
+    r_f: Scalar = 0.5  # radius of its wheels, which drive
+    unit: PyTree = None  # of length in the chained form; None: that of the desired motion's turning radius
+
+
+class Car(NamedTuple):
+    """Steered axle ahead of the platform's, whose wheels drive: lengths [m]."""
+
+    wheelbase: Scalar = 0.5  # between the axles
+    d_f: Scalar = 0.0  # centre of the steered axle ahead of its pivot
+    l_f: Scalar = 0.0  # from a steered wheel to the axis that it turns about
+    r_f: Scalar = 0.25  # radius of the steered wheels
+    unit: PyTree = None  # as of a trailer
+
+
+Front = Trailer | Car
+
+
+class FrontInertia(NamedTuple):
+    """Masses [kg] and moments of inertia [kg m^2] of a platform's front axle: a tractor, or a steered axle."""
+
+    m_f: Scalar = 5.0
+    I_f: Scalar = 2.5  # yaw, about its centre
+    I_wf: Scalar = 1.0  # one wheel, about its axle
+
+
 class Geometry(NamedTuple):
     """Lengths of one robot [m]; known to the controller (the paper assumes B known below (2))."""
 
@@ -28,6 +59,7 @@ class Geometry(NamedTuple):
     l2: Scalar = 0.25  # half length of link 2
     l3: Scalar = 0.25  # half length of link 3
     mount_offset: Scalar = 0.0  # arm mount ahead of the axle
+    front: Front | None = None  # axle ahead; None: the wheels of the only axle drive it
 
 
 class Inertia(NamedTuple):
@@ -43,6 +75,10 @@ class Inertia(NamedTuple):
     I1: Scalar = 1.0  # column, yaw
     I2: Scalar = 0.5  # link 2, about its centre across the rod
     I3: Scalar = 0.5  # link 3, likewise
+    front: FrontInertia | None = None  # of a platform on two axles
+
+
+MASS_NAMES = tuple(name for name in Inertia._fields if name != "front")
 
 
 class Surface(NamedTuple):
@@ -87,6 +123,7 @@ class Gains(NamedTuple):
     k1: Annotated[Scalar, gain("backstepping gain of s1", (1.0, 2000.0))] = 180.0
     k2: Annotated[Scalar, gain("backstepping gain of s2", (0.05, 100.0))] = 5.0
     k3: Annotated[Scalar, gain("backstepping gain of s3", (0.05, 100.0))] = 5.0
+    k4: Annotated[Scalar, gain("backstepping gain of s4, of platforms on two axles", (0.05, 100.0))] = 5.0
     K_a: Annotated[Scalar, gain("arm position feedback (13) [1/s]", (0.02, 100.0))] = 2.0
     K_u: Annotated[Scalar, gain("integral part of sigma, arm entries [1/s]", (0.01, 100.0))] = 1.0
     K_sigma: Annotated[Vector, gain("feedback of sigma [1/s]", (0.05, 50.0), VELOCITY)] = (0.5,) * 6
@@ -130,6 +167,7 @@ class Reference(NamedTuple):
     contact_force: PyTree = (
         15.0  # lambda_d of the contact normal [N]; a number, or one over time (``kinds/courses.py``)
     )
+    unit: Pair[PyTree] = (None, None)  # of length in the chained form of each platform on two axles [m]
 
 
 class PathReference(NamedTuple):
@@ -141,6 +179,7 @@ class PathReference(NamedTuple):
     contact: PyTree = 0.0  # n_d, place of the contact across the object [m]; a number, or one over time
     contact_force: PyTree = 15.0  # lambda_d of the contact normal [N]; likewise
     surface: Surface = Surface()  # of the object, as far as the controller knows
+    unit: Pair[PyTree] = (None, None)  # as in ``Reference``
 
 
 class Pose(NamedTuple):
@@ -152,6 +191,7 @@ class Pose(NamedTuple):
     a1: Scalar
     a2: Scalar
     a3: Scalar
+    steer: PyTree = None  # angle of a front axle, None: as the desired motion turns [rad]
 
 
 class Hardware(NamedTuple):

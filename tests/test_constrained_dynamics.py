@@ -60,9 +60,8 @@ def test_constraint_rows(case):
 
 
 def test_convective_acceleration(case):
-    both = constraints.convective(
-        case.model.surface, case.model.geometry, case.rows, case.kinematics.bodies, case.kinematics.velocity
-    )
+    k = case.kinematics
+    both = constraints.convective(case.model.surface, case.model.geometry, case.rows, k.bodies, k.velocity, k.T_rate)
     assert_close(vector(both), case.terms.J_dot_u, 1e-14)
 
 

@@ -19,7 +19,7 @@ def test_the_start_stands_for_the_scenarios_gains(channels):
     space = gain_space(scenario)
     for name, value in space.gains(space.start)._asdict().items():
         np.testing.assert_allclose(value, getattr(scenario.parameters().gains, name), rtol=1e-13, err_msg=name)
-    assert space.size == (14 if channels == "shared" else 6 + 5 + 5 + 4 + 4 + 9)
+    assert space.size == (15 if channels == "shared" else 6 + 5 + 5 + 4 + 4 + 10)
 
 
 def test_default_is_the_full_vector_per_channel():

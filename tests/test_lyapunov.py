@@ -19,6 +19,7 @@ from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import (
     ALL_ROWS,
+    MASS_NAMES,
     Features,
     Gains,
     Inertia,
@@ -34,7 +35,7 @@ from tests.oracles import lagrangian
 from tests.samples import assert_close, poses
 
 COUNT = 40
-LIGHT = tuple(Inertia(*(0.8 * value for value in inertia)) for inertia in Plant().inertia)
+LIGHT = tuple(Inertia(*(0.8 * getattr(inertia, name) for name in MASS_NAMES)) for inertia in Plant().inertia)
 CORRECTED = Structure(u26="corrected")
 
 

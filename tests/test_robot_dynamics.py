@@ -27,10 +27,11 @@ def sample(seed):
 def equation_of_motion(geometry, inertia, q, u):
     """M_i2 (5, 5) and C_i2 u + G_i2 (5,) of (9), as the simulator's inverse dynamics has them."""
     position = robot_kinematics.chained(Pose(*q.tolist()))
-    arm, T = robot_kinematics.posture(geometry, position), robot_kinematics.body_map(position)
+    arm, T = robot_kinematics.posture(geometry, position), robot_kinematics.body_map(geometry, position)
     velocity = tuple(u.tolist())
     factors = robot_dynamics.factors(geometry, GRAVITY, arm, T @ velocity)
-    terms = robot_dynamics.dynamics(robot_dynamics.lump(geometry, inertia), factors, position, T, velocity)
+    T_rate = robot_kinematics.body_map_rate(geometry, position, velocity)
+    terms = robot_dynamics.dynamics(robot_dynamics.lump(geometry, inertia), factors, T, T_rate)
 
     def force(acceleration):
         return robot_dynamics.inverse_dynamics(terms, acceleration)
@@ -100,7 +101,7 @@ def test_tip_position_and_velocity(seed):
         return np.array([v[0] * c + v[1] * s, -v[0] * s + v[1] * c, v[2]])
 
     lateral, forward, up = turned(speed, q[2] + q[3])
-    rates = robot_kinematics.body_map(position) @ tuple(u.tolist())
+    rates = robot_kinematics.body_map(geometry, position) @ tuple(u.tolist())
     assert_close(vector(robot_kinematics.tip_in_platform(geometry, position, arm)), turned(tip, q[2]), 1e-15)
     rows = robot_kinematics.tip_rows(geometry, arm)
     assert_close(vector(dot(row, rates) for row in rows), np.array([forward, -lateral, up]), 1e-14)

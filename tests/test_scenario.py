@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import ALL_ROWS, Inertia, Parameters, Structure
+from coopmm_jax.parameters import ALL_ROWS, MASS_NAMES, Inertia, Parameters, Structure
 from coopmm_jax.scenario.scenario import Scenario, list_scenarios, load_scenario
 from coopmm_jax.scenario.sections.simulation import SimulationSection
 
@@ -36,7 +36,7 @@ def test_paper_spells_out_every_value_and_changes_none():
 def test_uncertain_controller_underestimates_and_disturbances_grow():
     paper, uncertain = (load_scenario(name).parameters() for name in ("paper", "uncertain"))
     for true, believed in zip(paper.plant.inertia, uncertain.nominal, strict=True):
-        assert believed == Inertia(*(0.8 * value for value in true))
+        assert believed == Inertia(*(0.8 * getattr(true, name) for name in MASS_NAMES))
     assert uncertain.disturbance == (paper.disturbance[0]._replace(scale=3.0),)
     assert uncertain._replace(nominal=paper.nominal, disturbance=paper.disturbance) == paper
 

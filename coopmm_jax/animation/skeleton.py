@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from coopmm_jax.algebra.types import Pair
 from coopmm_jax.animation.surface import DrawnSurface, normals, shifts
-from coopmm_jax.parameters import Geometry
+from coopmm_jax.parameters import Car, Geometry
 from coopmm_jax.plotting.motion import midpoints
 
 if TYPE_CHECKING:
@@ -16,6 +17,13 @@ if TYPE_CHECKING:
 BODY_HALF_WIDTH = 0.8  # of the half track
 REAR, NOSE = 0.7, 0.6  # body behind the axle, and ahead of the platform's centre, in wheel radii
 WHEEL_HALF_THICKNESS = 0.12  # of the wheel's radius
+
+
+class FrontAxles(NamedTuple):
+    """Front axles of one robot at F instants."""
+
+    midpoint: np.ndarray  # (F, 2)
+    forward: np.ndarray  # (F, 2) unit vector of its heading
 
 
 class Skeleton(NamedTuple):
@@ -31,6 +39,7 @@ class Skeleton(NamedTuple):
     shift: np.ndarray  # (F,) by which the surface has given way [m]
     normal: np.ndarray  # (F, 2) horizontal unit vector out of the surface at the contact, away from robot I
     force: np.ndarray  # (F,) lambda_n [N], along the normal on the object: it presses if positive
+    front: tuple[FrontAxles | None, FrontAxles | None] = (None, None)  # of platforms on two axles
 
     @property
     def along(self) -> np.ndarray:
@@ -62,7 +71,21 @@ def skeleton(trajectory: Trajectory, instants: np.ndarray) -> Skeleton:
         shift=shifts(trajectory, t),
         normal=np.einsum("fij,fi->fj", frame, normals(plant.surface, touched)),
         force=trajectory.constraint_force[instants, trajectory.rows.index("contact_normal")],
+        front=_front_axles(plant.geometry, q, trajectory.steering[instants]),
     )
+
+
+def _front_axles(geometry: Pair[Geometry], q: np.ndarray, steering: np.ndarray) -> tuple[Any, Any]:
+    """Front axles at q (F, 2, 6), with as many angles (F, s) as there are."""
+    angles = iter(steering.T)
+
+    def of_robot(i: int) -> FrontAxles | None:
+        front, th = geometry[i].front, q[:, i, 2]
+        if front is None:
+            return None
+        return FrontAxles(q[:, i, :2] + front.wheelbase * _ahead(th), _ahead(th + next(angles)))
+
+    return of_robot(0), of_robot(1)
 
 
 def _ahead(angle: np.ndarray) -> np.ndarray:
@@ -86,10 +109,18 @@ def _joints(geometry: Geometry, q: np.ndarray) -> np.ndarray:
 def body_outline(geometry: Geometry) -> np.ndarray:
     """Platform seen from above (k, 2) [m] along its lateral and forward axes, from the axle midpoint; pointed ahead."""
     half, rear = BODY_HALF_WIDTH * geometry.l, -REAR * geometry.r
-    nose = max(geometry.d, 0.0) + NOSE * geometry.r
+    nose = _nose(geometry)
     shoulder = nose - 0.7 * half
     right = [(half, rear), (half, shoulder), (0.25 * half, nose)]
     return np.array(right + [(-lateral, forward) for lateral, forward in reversed(right)])
+
+
+def _nose(geometry: Geometry) -> float:
+    """Foremost point of a body ahead of its axle [m]: a car's is above its steered wheels, a trailer's half way."""
+    front = geometry.front
+    if front is None:
+        return float(max(geometry.d, 0.0) + NOSE * geometry.r)
+    return float(front.wheelbase + NOSE * front.r_f if isinstance(front, Car) else 0.5 * front.wheelbase)
 
 
 def wheel_outlines(geometry: Geometry) -> np.ndarray:
@@ -98,6 +129,19 @@ def wheel_outlines(geometry: Geometry) -> np.ndarray:
     wheel = np.array([(-thick, -r), (thick, -r), (thick, r), (-thick, r)])
     aside = np.array([geometry.l, 0.0])
     return np.stack([wheel + aside, wheel - aside])
+
+
+def front_geometry(geometry: Geometry) -> Geometry:
+    """Lengths of a front axle as those of a platform, for the outlines above; a car's wheels stand apart."""
+    front = geometry.front
+    assert front is not None
+    return Geometry(d=front.d_f, l=front.l_f or BODY_HALF_WIDTH * geometry.l, r=front.r_f)
+
+
+def axle_outline(geometry: Geometry) -> np.ndarray:
+    """Bar between two wheels seen from above (4, 2) [m], like ``body_outline``: a steered axle has no body."""
+    half, thick = geometry.l, WHEEL_HALF_THICKNESS * geometry.r
+    return np.array([(half, -thick), (half, thick), (-half, thick), (-half, -thick)])
 
 
 def placed(outline: np.ndarray, midpoint: np.ndarray, forward: np.ndarray) -> np.ndarray:

@@ -13,8 +13,16 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 
 from coopmm_jax.animation.scene import CURVE, EDGES, FACES, PRESSES, PULLS, TRAIL, Cast, ForceArrow
-from coopmm_jax.animation.skeleton import WHEEL_HALF_THICKNESS, Skeleton, body_outline, placed, wheel_outlines
-from coopmm_jax.parameters import Geometry
+from coopmm_jax.animation.skeleton import (
+    WHEEL_HALF_THICKNESS,
+    Skeleton,
+    axle_outline,
+    body_outline,
+    front_geometry,
+    placed,
+    wheel_outlines,
+)
+from coopmm_jax.parameters import Car, Geometry
 from coopmm_jax.plotting import lines, style
 from coopmm_jax.plotting.curves import guide_curve, platform_curves
 from coopmm_jax.plotting.force import hatch_open
@@ -49,6 +57,8 @@ class TopView:
         self.cast = cast = Cast(axes)
         self._trails = [cast.line(color=TRAIL[i], linewidth=2.0) for i in _ROBOTS]
         self._outlines = [(*wheel_outlines(g), body_outline(g)) for g in parameters.plant.geometry]
+        self._bars = {i: cast.line(color=EDGES[i], linewidth=1.6) for i in _ROBOTS if s.front[i]}
+        self._fronts = {i: (cast.platform(i), _front_outlines(parameters.plant.geometry[i])) for i in self._bars}
         self._platforms = [cast.platform(i) for i in _ROBOTS]
         self._names = [cast.text(name, color=EDGES[i]) for i, name in enumerate(("I", "II"))]
         self._object = cast.polygon(facecolor=FACES[2], edgecolor=EDGES[2], linewidth=0.9)
@@ -63,6 +73,11 @@ class TopView:
             midpoint, forward = s.q[k, i, :2], s.forward[k, i]
             for polygon, outline in zip(self._platforms[i], self._outlines[i], strict=True):
                 polygon.set_xy(placed(outline, midpoint, forward))
+            if (front := s.front[i]) is not None:
+                polygons, outlines = self._fronts[i]
+                for polygon, outline in zip(polygons, outlines, strict=True):
+                    polygon.set_xy(placed(outline, front.midpoint[k], front.forward[k]))
+                self._bars[i].set_data(*np.stack([midpoint, front.midpoint[k]]).T)
             self._trails[i].set_data(*s.q[behind, i, :2].T)
             self._arms[i].set_data(*s.joints[k, i, 1:, :2].T)
             nose = self._outlines[i][-1][:, 1].max()
@@ -91,6 +106,7 @@ class SideView:
             axis.set_major_locator(MultipleLocator(0.5))
         self._geometry = run.scenario.parameters().plant.geometry
         self.cast = cast = Cast(axes)
+        self._fronts = {i: cast.platform(i) for i in _ROBOTS if s.front[i]}
         self._platforms = [cast.platform(i) for i in _ROBOTS]
         self._columns = [cast.line(color=EDGES[i], linewidth=5.0, solid_capstyle="butt") for i in _ROBOTS]
         self._object = cast.polygon(facecolor=FACES[2], edgecolor=EDGES[2], linewidth=0.9)
@@ -110,6 +126,11 @@ class SideView:
             outlines = _platform_from_the_side(self._geometry[i], s.forward[k, i], along)
             for polygon, outline in zip(self._platforms[i], outlines, strict=True):
                 polygon.set_xy(outline + np.array([axle, 0.0]))
+            if (front := s.front[i]) is not None:
+                ahead = np.array([(front.midpoint[k] - origin) @ along, 0.0])
+                outlines = _platform_from_the_side(front_geometry(self._geometry[i]), front.forward[k], along)
+                for polygon, outline in zip(self._fronts[i], outlines, strict=True):
+                    polygon.set_xy(outline + ahead)
             self._names[i].set_position((axle + 0.25 * np.sign(axle), 0.85 * float(self._geometry[i].r)))
         depth, height = s.surface.outline(s.shift[k])[:, 0], s.joints[k, 1, 3, 2]
         self._object.set_xy(_box(depth.min(), depth.max(), height - HEIGHT / 2, height + HEIGHT / 2))
@@ -157,7 +178,15 @@ def extent(run: Trajectory, s: Skeleton) -> tuple[float, float, float]:
     from_object = s.q[..., :2] - s.joints[:, 1, None, 3, :2]
     farthest = np.abs((from_object * s.along[:, None]).sum(axis=-1)).max()
     highest = max(s.joints[..., 2].max(), 2.0 * wheel)
+    reach += max(float(g.front.wheelbase) if g.front is not None else 0.0 for g in geometry)
     return reach + 1.3 * half_track + 0.1, farthest + half_track + 0.2, highest + 0.2
+
+
+def _front_outlines(geometry: Geometry) -> list[np.ndarray]:
+    """Right and left wheel of a front axle, and its body, from its midpoint along its own axes."""
+    ahead = front_geometry(geometry)
+    body = axle_outline(ahead) if isinstance(geometry.front, Car) else body_outline(ahead)
+    return [*wheel_outlines(ahead), body]
 
 
 def _usual_force(run: Trajectory) -> float:

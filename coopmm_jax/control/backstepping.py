@@ -6,12 +6,15 @@ z = (z_b1, z_b2, z_a) would drive them to zero if u followed z exactly.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from coopmm_jax.algebra.sincos import wrapped
 from coopmm_jax.algebra.types import Scalar, Vector
+from coopmm_jax.control import chain
+from coopmm_jax.control.chain import Chain
 from coopmm_jax.control.reference import Desired
-from coopmm_jax.mechanics.robot_kinematics import Position
+from coopmm_jax.mechanics.robot_kinematics import AnyPosition, Position
+from coopmm_jax.mechanics.two_axles import LongPosition
 from coopmm_jax.parameters import Gains
 
 
@@ -31,18 +34,44 @@ def backstepping_errors(gains: Gains, desired: Desired, position: Position) -> E
     return Errors(e2, e3, wrapped(position.z1 - desired.z1), e2, e3 + gains.k2 * e2 * desired.u1)
 
 
-def coupling_signal(gains: Gains, desired: Desired, position: Position) -> tuple[Scalar, Scalar]:
+def _long(gains: Any, desired: Desired, position: LongPosition) -> tuple[Vector, Chain]:
+    """Gains (4,) and chain of a platform on two axles."""
+    zeta, long = position[:4], desired.long
+    assert long is not None
+    e = tuple(x - y for x, y in zip(zeta, long.zeta, strict=True))
+    return (gains.k1, gains.k2, gains.k3, gains.k4), Chain(zeta, (wrapped(e[0]), *e[1:]), long.u1, long.u2)
+
+
+def coupling_signal(gains: Gains, desired: Desired, position: AnyPosition) -> tuple[Scalar, Scalar]:
     """Lambda_i's non-zero entries (2,), defined below (30): how velocity errors of the platform enter Vdot_1."""
+    if isinstance(position, LongPosition):
+        return chain.signal(*_long(gains, desired, position))
     s = backstepping_errors(gains, desired, position)
     return gains.k1 * s.s1 + s.s2 * position.z3 + gains.k2 * desired.u1 * s.s3 * position.z3, s.s3
 
 
-def eta_rate(gains: Gains, desired: Desired, position: Position, eta: Scalar) -> Scalar:
+def eta_rate(gains: Gains, desired: Desired, position: AnyPosition, eta: Scalar) -> Scalar:
     """(15), which is (28): eta_dot = -k0 eta - Lambda_1 [rad/s^2]."""
     return -gains.k0 * eta - coupling_signal(gains, desired, position)[0]
 
 
-def reference_velocity(gains: Gains, desired: Desired, position: Position, arm: Vector, eta: Scalar) -> Vector:
+def stored(gains: Gains, desired: Desired, position: AnyPosition) -> Scalar:
+    """Share of one robot in V1 of (31), without that of eta; a scalar."""
+    if isinstance(position, LongPosition):
+        return chain.stored(*_long(gains, desired, position))
+    s = backstepping_errors(gains, desired, position)
+    return 0.5 * (gains.k1 * s.s1 * s.s1 + s.s2 * s.s2 + s.s3 * s.s3)
+
+
+def decay(gains: Gains, desired: Desired, position: AnyPosition) -> Scalar:
+    """Share of one robot in the decaying terms of (32), a scalar counted positive, without that of eta."""
+    if isinstance(position, LongPosition):
+        return chain.decay(*_long(gains, desired, position))
+    s = backstepping_errors(gains, desired, position)
+    return gains.k2 * (s.s2 * desired.u1) ** 2 + gains.k3 * s.s3 * s.s3
+
+
+def reference_velocity(gains: Gains, desired: Desired, position: AnyPosition, arm: Vector, eta: Scalar) -> Vector:
     """z = (z_b1, z_b2, z_a) of (12) and (13) [rad/s, m/s, rad/s].
 
     Args:
@@ -52,12 +81,17 @@ def reference_velocity(gains: Gains, desired: Desired, position: Position, arm: 
         arm: the independent arm joints [rad], as many as ``desired.arm`` has.
         eta: of (15) [rad/s].
     """
-    s = backstepping_errors(gains, desired, position)
-    u_d1 = desired.u1
-    z_b1 = u_d1 + eta
-    z_b2 = desired.u2 - s.s2 * u_d1 - gains.k3 * s.s3 - gains.k2 * (u_d1**2 * s.e3 + desired.u1_rate * s.e2)
     z_a = (
         rate - gains.K_a * wrapped(joint - target)
         for joint, target, rate in zip(arm, desired.arm, desired.arm_rate, strict=True)
     )
-    return (z_b1, z_b2, *z_a)
+    return (*_platform_velocity(gains, desired, position, eta), *z_a)
+
+
+def _platform_velocity(gains: Gains, desired: Desired, position: AnyPosition, eta: Scalar) -> tuple[Scalar, Scalar]:
+    """z_b (2,) of (12)."""
+    if isinstance(position, LongPosition):
+        return chain.platform_velocity(*_long(gains, desired, position), eta)
+    s, u_d1 = backstepping_errors(gains, desired, position), desired.u1
+    z_b2 = desired.u2 - s.s2 * u_d1 - gains.k3 * s.s3 - gains.k2 * (u_d1**2 * s.e3 + desired.u1_rate * s.e2)
+    return u_d1 + eta, z_b2

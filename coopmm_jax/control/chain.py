@@ -61,7 +61,7 @@ def platform_velocity(k: Vector, chain: Chain, eta: Scalar) -> tuple[Scalar, Sca
         eta: of (15) [rad/s].
     """
     (c, c_rate), e, u_d1 = _factors(chain), chain.e[1:], chain.u1[0]
-    e_rate = (*(u_d1 * x for x in e[1:]), jnp.zeros_like(u_d1))  # the last one's is u_d2's part, which z_b2 has
+    e_rate = (*(u_d1 * x for x in e[1:]), jnp.zeros_like(e[0]))  # the last one's is u_d2's part, which z_b2 has
     s, s_rate = jax.jvp(functools.partial(_later_errors, k), (e, c), (e_rate, c_rate))
     return u_d1 + eta, chain.u2 - u_d1 * s[-2] - k[-1] * s[-1] - s_rate[-1]
 
@@ -69,7 +69,7 @@ def platform_velocity(k: Vector, chain: Chain, eta: Scalar) -> tuple[Scalar, Sca
 def signal(k: Vector, chain: Chain) -> tuple[Scalar, Scalar]:
     """Lambda's non-zero entries (2,), defined below (30); (15) is etadot = -k_0 eta less the first."""
     c = _factors(chain)[0]
-    along = (*chain.zeta[2:], jnp.zeros_like(chain.u1[0]))
+    along = (*chain.zeta[2:], jnp.zeros_like(chain.e[0]))
     s, moved = jax.jvp(lambda e: _later_errors(k, e, c), (chain.e[1:],), (along,))
     return k[0] * chain.e[0] + dot(s, moved), s[-1]
 

@@ -14,7 +14,7 @@ from coopmm_jax.control.gain_schedule import rate
 from coopmm_jax.control.reference import Desired, desired_motion
 from coopmm_jax.mechanics.partitioning import split
 from coopmm_jax.mechanics.robot import PLATFORM, per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position, position_rates
+from coopmm_jax.mechanics.robot_kinematics import AnyPosition, position_rates
 
 
 class FilterState(NamedTuple):
@@ -49,7 +49,7 @@ def filtered(gains: Any, seen: Seen, integral: Vector, eta: Pair[Scalar]) -> Fil
     part, position = k.reduction.part, k.bodies.position
     targets = desired_motion(model.reference, t)
 
-    def eta_rate(desired: Desired, at: Position, value: Scalar) -> Scalar:
+    def eta_rate(desired: Desired, at: AnyPosition, value: Scalar) -> Scalar:
         return backstepping.eta_rate(gains, desired, at, value)
 
     eta_rates = per_robot(eta_rate, targets, position, eta)

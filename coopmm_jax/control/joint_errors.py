@@ -24,6 +24,7 @@ from coopmm_jax.control.gain_schedule import in_force
 from coopmm_jax.control.motion import arm_joints
 from coopmm_jax.control.posture import desired_postures, with_posture
 from coopmm_jax.control.reference import Desired, desired_motion
+from coopmm_jax.errors import UserError
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, position_rates
 
@@ -37,9 +38,15 @@ class JointErrors(NamedTuple):
 
 
 def joint_errors(seen: Seen) -> JointErrors:
-    """Errors p and u^1 - r (n,), and rdot (n,) by the chain rule over time and positions."""
-    _, _, t, k, independent = seen
+    """Errors p and u^1 - r (n,), and rdot (n,) by the chain rule over time and positions.
+
+    Raises:
+        UserError: a platform on two axles, whose front axle is not told where to turn.
+    """
+    _, model, t, k, independent = seen
     position = k.bodies.position
+    if any(geometry.front is not None for geometry in model.geometry):
+        raise UserError("law.controller", "one with backstepping, where a platform has two axles", "one of the joints")
     moving = (t * 0.0 + 1.0, per_robot(position_rates, position, k.velocity))
     reference, rate, errors = jax.jvp(lambda *at: _reference(seen, *at), (t, position), moving, has_aux=True)
     return JointErrors(errors, minus(independent, reference), rate)

@@ -16,8 +16,9 @@ from coopmm_jax.mechanics import constrained_dynamics, partitioning
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import Partition, Reduction, split
-from coopmm_jax.mechanics.robot import CHAINED, PLATFORM, per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position
+from coopmm_jax.mechanics.robot import PLATFORM, per_robot
+from coopmm_jax.mechanics.robot_kinematics import AnyPosition, arm_of
+from coopmm_jax.mechanics.two_axles import LongPosition
 from coopmm_jax.parameters import Gains, Structure
 
 
@@ -29,20 +30,20 @@ class MotionErrors(NamedTuple):
     nu_rate: Vector  # d/dt (z - K_u I)
 
 
-def arm_joints(part: Partition, position: Pair[Position]) -> Pair[Vector]:
+def arm_joints(part: Partition, position: Pair[AnyPosition]) -> Pair[Vector]:
     """Independent arm joints of each robot [rad]."""
 
-    def chosen(p: Position, joints: tuple[int, ...]) -> Vector:
-        return tuple(p[CHAINED + joint - PLATFORM] for joint in joints if joint >= PLATFORM)
+    def chosen(p: AnyPosition, joints: tuple[int, ...]) -> Vector:
+        return tuple(arm_of(p)[joint - PLATFORM] for joint in joints if joint >= PLATFORM)
 
     return per_robot(chosen, position, part.independent)
 
 
-def reference_velocities(model: Model, part: Partition, t: Scalar, position: Pair[Position], eta: Pair) -> Vector:
+def reference_velocities(model: Model, part: Partition, t: Scalar, position: Pair[AnyPosition], eta: Pair) -> Vector:
     """z (n,) of both robots, (12) and (13), under the gains in force at t [s]."""
     gains = in_force(model, t)
 
-    def of_one(desired: Desired, posture: tuple[Vector, Vector], p: Position, arm: Vector, e: Scalar) -> Vector:
+    def of_one(desired: Desired, posture: tuple[Vector, Vector], p: AnyPosition, arm: Vector, e: Scalar) -> Vector:
         return backstepping.reference_velocity(gains, with_posture(desired, posture, len(arm)), p, arm, e)
 
     arms, targets = arm_joints(part, position), desired_motion(model.reference, t)
@@ -53,8 +54,8 @@ def reference_velocities(model: Model, part: Partition, t: Scalar, position: Pai
 def reference_and_rate(
     model: Model,
     part: Partition,
-    at: tuple[Scalar, Pair[Position], Pair[Scalar]],
-    rates: Pair[Position],
+    at: tuple[Scalar, Pair[AnyPosition], Pair[Scalar]],
+    rates: Pair[AnyPosition],
     eta_rates: Pair[Scalar],
 ) -> tuple[Vector, Vector]:
     """z and zdot (n,): the chain rule over t, the positions and eta, by forward differentiation.
@@ -109,15 +110,20 @@ def motion_errors(
 
 
 def coordinate_speed(k: Kinematics, independent: Vector) -> Scalar:
-    """|zetadot| over all twelve coordinates: (8) makes each of them a velocity u, but for z2dot = u1 z3.
+    """|zetadot| over all coordinates: (8) makes each of them a velocity u, but z2dot = u1 z3 and z3dot = u1 z4.
 
     Args:
         k: kinematics of both robots.
         independent: u^1 (n,), as in ``k.velocity``.
     """
     _, dependent = partitioning.parted(k.reduction.part, k.velocity)
-    lateral = tuple(u[0] * p.z3 for u, p in zip(k.velocity, k.bodies.position, strict=True))
+    lateral = tuple(u[0] * z for u, p in zip(k.velocity, k.bodies.position, strict=True) for z in _passed_on(p))
     return norm((*independent, *dependent[0], *dependent[1], *lateral))
+
+
+def _passed_on(p: AnyPosition) -> Vector:
+    """Coordinates that times u1 are the rates of those before them."""
+    return (p.z3, p.z4) if isinstance(p, LongPosition) else (p.z3,)
 
 
 def regressors(k: Kinematics, acceleration: Vector, independent: Vector) -> adaptive.Regressors:

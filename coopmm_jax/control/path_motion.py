@@ -7,6 +7,7 @@ included. Robot II reaches straight across the path; robot I to the desired cont
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -17,7 +18,7 @@ from coopmm_jax.algebra.derivative import derivatives
 from coopmm_jax.algebra.matrix import dot
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.kinds.courses import current, is_course, value_and_rates
-from coopmm_jax.kinds.paths import Frame, frame_of, heading
+from coopmm_jax.kinds.paths import Frame, bent_frame, frame_of, heading
 from coopmm_jax.mechanics.surfaces import shape_of
 from coopmm_jax.parameters import PathReference
 
@@ -34,6 +35,13 @@ class OverTime(NamedTuple):
         return moving(self.value, moving(self.rate, self.acceleration, t, now), t, now)
 
 
+class LongAim(NamedTuple):
+    """Further derivatives that platforms on two axles need."""
+
+    z4: OverTime  # of either platform [m]
+    turn_jerk: Scalar  # third derivative of u_d1 [rad/s^4]
+
+
 class Aim(NamedTuple):
     """A ``PathReference`` at one instant: everything of it that depends on time."""
 
@@ -47,6 +55,7 @@ class Aim(NamedTuple):
     reach: OverTime  # of arm I [m]
     contact: Scalar  # n_d [m]
     force: Scalar  # lambda_d of the contact normal [N]
+    long: LongAim | None = None  # of platforms on two axles
 
 
 class Known(NamedTuple):
@@ -86,22 +95,47 @@ def aim_at(reference: PathReference, t: Scalar) -> Aim:
     across, ahead = dot(at.lateral, point), dot(at.forward, point)
     speed, speed_rate = _speed(at, slopes[1], rates)
     contact = _over_time(reference.contact, t)
+    advance = speed - turn.value * across
     yaw, reach = _arm_over_time(reference, contact)
     return Aim(
         heading=heading(at),
         across=across,
         ahead=ahead,
         turn=turn,
-        advance=speed - turn.value * across,
+        advance=advance,
         advance_rate=speed_rate - turn.rate * across - turn.value * turn.value * ahead,
         yaw=yaw,
         reach=reach,
         contact=contact.value,
         force=current(reference.contact_force, t) + 0.0 * t,
+        long=None
+        if reference.unit == (None, None)
+        else _long_aim(reference, t, turn, ahead, speed - turn.value * across, across),
     )
 
 
-def _turn(slopes: list[Vector], rates: list[Scalar]) -> OverTime:
+def _long_aim(
+    reference: PathReference, t: Scalar, turn: OverTime, ahead: Scalar, advance: Scalar, across: Scalar
+) -> LongAim:
+    """z4 = rho - z2 is 1/curvature less lateral . r, beside the path at any offset."""
+
+    def radius(t: Scalar) -> Scalar:
+        return 1.0 / bent_frame(reference.path, reference.timing.phase(t))[1]
+
+    def turn_acceleration(t: Scalar) -> Scalar:
+        phase, *rates = derivatives(reference.timing.phase, t, 3)
+        return _turn(derivatives(reference.path.point, phase, 4)[1:], rates).acceleration
+
+    rho, rho_rate, rho_acceleration = derivatives(radius, t, 2)
+    z4 = OverTime(
+        rho - across,
+        rho_rate - turn.value * ahead,
+        rho_acceleration - turn.rate * ahead - turn.value * advance,
+    )
+    return LongAim(z4, derivatives(turn_acceleration, t, 1)[1])
+
+
+def _turn(slopes: Sequence[Vector], rates: Sequence[Scalar]) -> OverTime:
     """u_d1, from the first four derivatives (2,) of a path by its phase, and the first three of the phase by time.
 
     dth/dp = (r' x r'')/|r'|^2.

@@ -15,8 +15,16 @@ from coopmm_jax.mechanics.surfaces import shape_of
 from coopmm_jax.parameters import PathReference, Reference, Surface
 
 
+class LongDesired(NamedTuple):
+    """Desired motion of a platform on two axles at one time, lengths in its own unit."""
+
+    zeta: Vector  # z1, ..., z4 (4,)
+    u1: Vector  # u_d1 and its first two derivatives (3,)
+    u2: Scalar  # [1/s]
+
+
 class Desired(NamedTuple):
-    """Desired motion of one robot at one time: chained coordinates, inputs, independent arm joints."""
+    """Desired motion of one robot at one time: coordinates of (6), inputs, independent arm joints."""
 
     z1: Scalar  # [rad]
     z2: Scalar  # [m]
@@ -26,6 +34,7 @@ class Desired(NamedTuple):
     u1_rate: Scalar  # [rad/s^2]
     arm: Vector  # [rad]
     arm_rate: Vector  # [rad/s]
+    long: LongDesired | None = None  # of a platform on two axles
 
 
 AnyReference = Reference | PathReference | Known
@@ -77,11 +86,13 @@ def _circles(reference: Reference, t: Scalar) -> Pair[Desired]:
     """
     s, c = sincos(reference.arm_rate * t)
 
-    def circle(radius: Scalar, centre: Scalar, swing: Scalar) -> Desired:
+    def circle(radius: Scalar, centre: Scalar, swing: Scalar, unit: Scalar | None) -> Desired:
         angle, speed = centre - swing * c, swing * reference.arm_rate * s
-        return Desired(reference.rate * t, radius, 0.0, reference.rate, 0.0, 0.0, (angle,), (speed,))
+        turn, rate = reference.rate * t, reference.rate
+        long = None if unit is None else LongDesired((turn, radius / unit, 0.0, 0.0), (rate, 0.0, 0.0), 0.0)
+        return Desired(turn, radius, 0.0, rate, 0.0, 0.0, (angle,), (speed,), long)
 
-    return per_robot(circle, reference.radius, reference.arm_centre, reference.arm_swing)
+    return per_robot(circle, reference.radius, reference.arm_centre, reference.arm_swing, reference.unit)
 
 
 def _beside_the_path(known: Known, t: Scalar) -> Pair[Desired]:
@@ -97,10 +108,16 @@ def _beside_the_path(known: Known, t: Scalar) -> Pair[Desired]:
     yaw, yaw_rate = at(aim.yaw.value, aim.yaw.rate), at(aim.yaw.rate, aim.yaw.acceleration)
     arms = ((yaw,), (yaw_rate,)), ((0.5 * math.pi,), (0.0,))
 
-    def beside(offset: Scalar, arm: tuple[Vector, Vector]) -> Desired:
-        return Desired(heading, across + offset, ahead, turn, advance, turn_rate, *arm)
+    def beside(offset: Scalar, unit: Scalar | None, arm: tuple[Vector, Vector]) -> Desired:
+        desired = Desired(heading, across + offset, ahead, turn, advance, turn_rate, *arm)
+        if unit is None or aim.long is None:
+            return desired
+        z4, advance_4 = at(aim.long.z4.value, aim.long.z4.rate), at(aim.long.z4.rate, aim.long.z4.acceleration)
+        zeta = (heading, desired.z2 / unit, ahead / unit, z4 / unit)
+        rates = (turn, turn_rate, at(aim.turn.acceleration, aim.long.turn_jerk))
+        return desired._replace(long=LongDesired(zeta, rates, advance_4 / unit))
 
-    return per_robot(beside, known.reference.offset, arms)
+    return per_robot(beside, known.reference.offset, known.reference.unit, arms)
 
 
 def desired_force(reference: AnyReference, rows: tuple[str, ...], t: Scalar) -> Vector:

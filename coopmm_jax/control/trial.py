@@ -14,13 +14,13 @@ from coopmm_jax.control.controller import Command, Freedom, Seen, entries_of, kn
 from coopmm_jax.control.force import ForceFeedback
 from coopmm_jax.control.gain_schedule import in_force
 from coopmm_jax.control.reference import at_instant
+from coopmm_jax.control.standing import standing_start
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import signals_of
 from coopmm_jax.kinds.registry import kind_of
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.mechanics.robot import JOINTS, per_robot
-from coopmm_jax.mechanics.robot_kinematics import chained
+from coopmm_jax.mechanics.robot import JOINTS
 from coopmm_jax.parameters import Parameters, Structure
 
 _TRIALS = 64  # that are remembered: a scenario is made hundreds of times while it is loaded, varied and swept
@@ -59,7 +59,7 @@ class _Trial(NamedTuple):
         model = model._replace(reference=at_instant(model.reference, t), gains=in_force(model, t))
         gains, independent, error = model.gains, (t,) * freedom.velocities, (t,) * freedom.rows
         state = self.state(self.calling("start", gains.start, freedom, t))
-        k = kinematics(model, self.structure.rows, per_robot(chained, parameters.start), independent)
+        k = kinematics(model, self.structure.rows, standing_start(model, parameters, t), independent)
         seen = Seen(self.structure, known_to_controller(model), t, k, independent)
         command = self.calling("command", gains.command, seen, state)
         self.check_command(command)

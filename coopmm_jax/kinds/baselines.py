@@ -18,6 +18,7 @@ EtaDecay: TypeAlias = Annotated[Scalar, gain("decay of eta (14) [1/s]", (0.05, 5
 Heading: TypeAlias = Annotated[Scalar, gain("backstepping gain of s1", (1.0, 2000.0))]
 Lateral: TypeAlias = Annotated[Scalar, gain("backstepping gain of s2", (0.05, 100.0))]
 Forward: TypeAlias = Annotated[Scalar, gain("backstepping gain of s3", (0.05, 100.0))]
+Steering: TypeAlias = Annotated[Scalar, gain("backstepping gain of s4, of platforms on two axles", (0.05, 100.0))]
 ArmFeedback: TypeAlias = Annotated[Scalar, gain("arm position feedback (13) [1/s]", (0.02, 100.0))]
 ArmIntegral: TypeAlias = Annotated[Scalar, gain("integral part of sigma, arm entries [1/s]", (0.01, 100.0))]
 SigmaFeedback: TypeAlias = Annotated[Vector, gain("feedback of sigma [1/s]", (0.05, 50.0), VELOCITY)]
@@ -47,6 +48,7 @@ class ModelBased(NamedTuple):
     k1: Heading = 180.0
     k2: Lateral = 5.0
     k3: Forward = 5.0
+    k4: Steering = 5.0
     K_a: ArmFeedback = 2.0
     K_u: ArmIntegral = 1.0
     K_sigma: SigmaFeedback = (5.0,) * 6
@@ -68,6 +70,7 @@ class RobustFixed(NamedTuple):
     k1: Heading = 180.0
     k2: Lateral = 5.0
     k3: Forward = 5.0
+    k4: Steering = 5.0
     K_a: ArmFeedback = 2.0
     K_u: ArmIntegral = 1.0
     K_sigma: SigmaFeedback = (0.5,) * 6
@@ -99,6 +102,7 @@ class SlidingMode(NamedTuple):
     k1: Heading = 180.0
     k2: Lateral = 5.0
     k3: Forward = 5.0
+    k4: Steering = 5.0
     K_a: ArmFeedback = 2.0
     K_u: ArmIntegral = 1.0
     K_sigma: SigmaFeedback = (2.0,) * 6

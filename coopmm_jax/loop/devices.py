@@ -11,7 +11,7 @@ from coopmm_jax.algebra.matrix import minus, plus, scaled
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.randomness import stream_key
-from coopmm_jax.mechanics.robot import ACTUATORS, COORDINATES, JOINTS, ROBOTS, of_each_actuator
+from coopmm_jax.mechanics.robot import ACTUATORS, COORDINATES, JOINTS, ROBOTS, of_each_actuator, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import Hardware, Structure
 
@@ -30,6 +30,7 @@ class Noise(NamedTuple):
     position: Pair[Position]
     velocity: Vector  # (n,)
     force: Vector  # (m,) [N]
+    steering: Pair[Scalar | None] = (None, None)  # of front axles [rad]
 
 
 def torque_limits(hardware: Hardware) -> Vector:
@@ -100,14 +101,18 @@ def draw_noise(structure: Structure, model: Model, sample: Scalar) -> Noise:
     hardware, n = model.hardware, JOINTS * ROBOTS - len(structure.rows)
     key = stream_key(hardware)
     coordinates = COORDINATES * ROBOTS
-    count = coordinates + n + len(structure.rows)
+    steered = [geometry.front is not None for geometry in model.geometry]
+    others = coordinates + n + len(structure.rows)
+    count = others + sum(steered)
     values = jax.random.normal(jax.random.fold_in(key, sample), (count,), jnp.result_type(hardware.noise_stream))
     values = [values[i] for i in range(count)]
     encoders = [hardware.encoder_noise * x for x in values[:coordinates]]
+    further = iter(values[others:])
     return Noise(
         (Position(*encoders[:COORDINATES]), Position(*encoders[COORDINATES:])),
         tuple(hardware.velocity_noise * x for x in values[coordinates : coordinates + n]),
-        tuple(hardware.force_noise * x for x in values[coordinates + n :]),
+        tuple(hardware.force_noise * x for x in values[coordinates + n : others]),
+        per_robot(lambda steers: hardware.encoder_noise * next(further) if steers else None, steered),
     )
 
 

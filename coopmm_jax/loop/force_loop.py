@@ -18,7 +18,7 @@ from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import constraint_force, parted, partition
 from coopmm_jax.mechanics.robot import by_robot, per_robot
-from coopmm_jax.mechanics.robot_kinematics import actuator_force, actuator_torque, tip_in_platform
+from coopmm_jax.mechanics.robot_kinematics import actuator_force, actuator_torque, steering, tip_in_platform
 from coopmm_jax.parameters import Structure
 
 
@@ -148,7 +148,7 @@ def observe(now: Instant, command: Command, action: Action) -> Signals:
     """Signals at one instant, from what the controller has answered and the action taken."""
     truth, lam = now.truth, action.moved.multipliers
     return Signals(
-        position=now.state.position,
+        position=truth.bodies.place,
         velocity=truth.velocity,
         computed=command.signals,
         controller=now.state.controller,
@@ -159,9 +159,10 @@ def observe(now: Instant, command: Command, action: Action) -> Signals:
         constraint_residual=truth.reduction.rows.phi
         if truth.touch is None
         else (truth.touch.gap, *truth.reduction.rows.phi),
-        tip=per_robot(tip_in_platform, now.model.geometry, now.state.position, truth.bodies.arm),
+        tip=per_robot(tip_in_platform, now.model.geometry, truth.bodies.place, truth.bodies.arm),
         contact_point=truth.reduction.rows.contact_point,
         determinants=(now.seen if truth.touch else truth).reduction.determinants,
         carriage=now.state.carriage,
         aim=now.model.reference.aim if isinstance(now.model.reference, Known) else None,
+        steering=steering(now.model.geometry, now.state.position),
     )

@@ -143,6 +143,7 @@ def rollout(
     code = jnp.where(reachable, Status.OK.value, Status.UNREACHABLE.value)
     health = Health(jnp.where(steps > plan.room, Status.TOO_LONG.value, code).astype(jnp.int32), jnp.int32(0))
 
+    reference = model.reference
     form = Vectors(dtype, functools.partial(_all_that_is_read, start, observer, record)) if plan.packed else Scalars()
     model = Model(*map(form.pack, model))  # its parts apart: a vector of all has a derivative as soon as one part has
     one_step = functools.partial(sampled_step if structure.substeps else continuous_step, structure, form, model)
@@ -165,8 +166,8 @@ def rollout(
 
     carry = (form.pack(start.state), form.pack(jax.tree.map(jnp.asarray, observer.start)) if observer else None, health)
     ahead = None  # a batch does without: what it does not vary is computed once for all elements
-    if plan.packed and isinstance(parameters.reference, PathReference):
-        ahead = aims_ahead(parameters.reference, step, dtype, structure.substeps > 0)
+    if plan.packed and isinstance(reference, PathReference):
+        ahead = aims_ahead(reference, step, dtype, structure.substeps > 0)
     carry, *stacked = scan_segments(advance, carry, plan.segments, plan.length, plan.checkpoint, ahead)
     (state, total, health), (reports, kept) = carry, stacked
     series = (reports.unpack() if record else None, kept.unpack() if keep else None)

@@ -22,14 +22,14 @@ from coopmm_jax.mechanics import plant
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.robot import by_robot, per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position, actuator_force
+from coopmm_jax.mechanics.robot_kinematics import AnyPosition, actuator_force, mismeasured
 from coopmm_jax.parameters import Structure
 
 
 class _Motion(NamedTuple):
     """Part of the state that moves between two samples."""
 
-    position: Pair[Position]
+    position: Pair[AnyPosition]
     velocity: Vector
     torque: Vector  # (10,) of lagging actuators; empty otherwise
     carriage: Vector  # (1,) of a rail; empty otherwise
@@ -100,7 +100,7 @@ def _measure(
     if noise is None and not (structure.features.surface_motion or structure.compliant):
         return truth, independent, None
     if noise is not None:
-        position = per_robot(lambda p, error: Position(*plus(p, error)), position, noise.position)
+        position = per_robot(mismeasured, model.geometry, position, noise.position, noise.steering)
         independent = plus(independent, noise.velocity)
     return plant.expected_kinematics(structure, model, t, position, independent, state.carriage), independent, noise
 

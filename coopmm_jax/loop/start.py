@@ -11,6 +11,7 @@ from coopmm_jax.algebra.matrix import plus
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control.controller import Freedom
 from coopmm_jax.control.reference import desired_force
+from coopmm_jax.control.standing import standing_start
 from coopmm_jax.loop.devices import initial_devices
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.compliant_contact import pressed_in
@@ -20,7 +21,7 @@ from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import dependent_solution, partition
 from coopmm_jax.mechanics.plant import plant_kinematics
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position, arm_moved, chained
+from coopmm_jax.mechanics.robot_kinematics import AnyPosition, arm_moved
 from coopmm_jax.parameters import Parameters, Structure
 
 # Newton's steps: from the paper's printed angles six reach 1e-15; the rest is for distant starts.
@@ -43,17 +44,17 @@ def initial_state(structure: Structure, model: Model, parameters: Parameters) ->
     rigid = structure._replace(contact="rigid")
     pressed = _pressed_in(structure, model, zero)
 
-    def solve(position: Pair[Position], carriage: Vector) -> tuple[Kinematics, Vector]:
+    def solve(position: Pair[AnyPosition], carriage: Vector) -> tuple[Kinematics, Vector]:
         k = plant_kinematics(rigid, model, zero, position, still, carriage)
         return k, plus(k.reduction.rows.phi, pressed)
 
-    def newton(at: tuple[Pair[Position], Vector], _: None) -> tuple[tuple[Pair[Position], Vector], None]:
+    def newton(at: tuple[Pair[AnyPosition], Vector], _: None) -> tuple[tuple[Pair[AnyPosition], Vector], None]:
         k, residual = solve(*at)
         moved = per_robot(arm_moved, at[0], dependent_solution(k.reduction, residual))
         return (moved, tuple(s + carriage_step(k.bodies.guide) for s in at[1])), None
 
     carriage = (zero + first_phase(model.guide, zero),) if needs_carriage(structure.rows, model) else ()
-    first = (per_robot(chained, parameters.start), carriage)
+    first = (standing_start(model, parameters, zero), carriage)
     (position, carriage), _ = jax.lax.scan(newton, first, None, length=_NEWTON_STEPS)
     k, residuals = solve(position, carriage)
     residual = jnp.abs(residuals[0])

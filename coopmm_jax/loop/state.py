@@ -9,13 +9,13 @@ from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
 from coopmm_jax.control.path_motion import Aim
 from coopmm_jax.loop.devices import Devices
 from coopmm_jax.mechanics.constrained_dynamics import Accelerations
-from coopmm_jax.mechanics.robot_kinematics import Position
+from coopmm_jax.mechanics.robot_kinematics import AnyPosition, Position
 
 
 class State(NamedTuple):
     """State of one closed loop: 31 scalars with all four rows in force and ideal devices."""
 
-    position: Pair[Position]
+    position: Pair[AnyPosition]
     velocity: Vector  # u^1 (n,)
     controller: PyTree  # the controller's own
     devices: Devices = Devices()
@@ -25,7 +25,7 @@ class State(NamedTuple):
 class Signals(NamedTuple):
     """Quantities of the loop at one instant, as an observer sees them."""
 
-    position: Pair[Position]
+    position: Pair[Position]  # in the coordinates of (6)
     velocity: Pair[Vector]  # u of each robot (5,)
     computed: Mapping[str, Vector | Scalar]  # by the controller, its own signals by name
     controller: PyTree  # its state
@@ -39,6 +39,7 @@ class Signals(NamedTuple):
     determinants: tuple[Scalar, ...]  # singular arm where one vanishes
     carriage: Vector = ()  # (1,) of a rail
     aim: Aim | None = None  # desired motion along a path; None of a circle
+    steering: Vector = ()  # of each platform on two axles: angle of its front axle [rad]
 
 
 class Action(NamedTuple):

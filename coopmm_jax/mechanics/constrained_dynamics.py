@@ -30,7 +30,7 @@ class Accelerations(NamedTuple):
 
 def both_dynamics(lumped: Pair[Lumped], k: Kinematics) -> Pair[Dynamics]:
     """Inertia and bias of both robots, for the plant's or the controller's lumped parameters."""
-    return per_robot(robot_dynamics.dynamics, lumped, k.factors, k.bodies.position, k.bodies.T, k.velocity)
+    return per_robot(robot_dynamics.dynamics, lumped, k.factors, k.bodies.T, k.T_rate, k.front)
 
 
 def required_force(dynamics: Pair[Dynamics], acceleration: Pair[Vector]) -> Pair[Vector]:

@@ -15,7 +15,8 @@ from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import Reduction, dependent_solution, expand, reduce
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_dynamics import Factors
-from coopmm_jax.mechanics.robot_kinematics import Position, Posture
+from coopmm_jax.mechanics.robot_kinematics import AnyPosition, Posture, body_map_rate
+from coopmm_jax.mechanics.two_axles import FrontMotion, LongPosition, front_motion
 from coopmm_jax.parameters import Geometry
 
 NO_GUIDE = Guide()
@@ -29,13 +30,15 @@ class Kinematics(NamedTuple):
     velocity: Pair[Vector]  # u = L u^1 of each robot (5,)
     factors: Pair[Factors]
     L_rate: Pair[Vector]  # Ldot u^1 of each robot (5,)
+    T_rate: Pair[Vector]  # Tdot u of each robot (5,)
+    front: Pair[FrontMotion | None] = (None, None)  # of each platform on two axles
     touch: Touch | None = None  # of a compliant contact
 
 
 def kinematics(
     model: Model,
     rows: tuple[str, ...],
-    position: Pair[Position],
+    position: Pair[AnyPosition],
     independent: Vector,
     motion: SurfaceMotion | None = None,
     guide: Guide = NO_GUIDE,
@@ -57,13 +60,21 @@ def kinematics(
     phi_rate, phi_acceleration = _over_time(rows, b, motion, guide)
     if not all(map(is_zero, phi_rate)):
         velocity = per_robot(plus, velocity, dependent_solution(reduction, phi_rate))
-    bias = plus(convective(surface, model.geometry, rows, b, velocity), phi_acceleration)
+    T_rate = per_robot(body_map_rate, model.geometry, position, velocity)
+    bias = plus(convective(surface, model.geometry, rows, b, velocity, T_rate), phi_acceleration)
 
     def factors(geometry: Geometry, arm: Posture, T: Matrix, u: Vector) -> Factors:
         return robot_dynamics.factors(geometry, model.gravity, arm, T @ u)
 
     each = per_robot(factors, model.geometry, b.arm, b.T, velocity)
-    return Kinematics(b, reduction, velocity, each, dependent_solution(reduction, bias))
+    front = per_robot(_front, model.geometry, position, velocity)
+    return Kinematics(b, reduction, velocity, each, dependent_solution(reduction, bias), T_rate, front)
+
+
+def _front(geometry: Geometry, position: AnyPosition, u: Vector) -> FrontMotion | None:
+    if geometry.front is None or not isinstance(position, LongPosition):
+        return None
+    return front_motion(geometry.front, position, u)
 
 
 def _over_time(rows: tuple[str, ...], b: Bodies, motion: SurfaceMotion | None, guide: Guide) -> tuple[Vector, Vector]:

@@ -18,14 +18,15 @@ from coopmm_jax.mechanics.contact_surface import SurfaceMotion
 from coopmm_jax.mechanics.guide import GuideFrame, Track, guide_frame, sideways, sideways_bias, sideways_row
 from coopmm_jax.mechanics.level_contact import LevelContact, level_contact
 from coopmm_jax.mechanics.robot import JOINTS, per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position, Posture
+from coopmm_jax.mechanics.robot_kinematics import AnyPosition, Position, Posture
 from coopmm_jax.parameters import Geometry, Surface
 
 
 class Bodies(NamedTuple):
     """Both robots' kinematics at one instant (each field but the last two a pair, robot I and II)."""
 
-    position: Pair[Position]
+    position: Pair[AnyPosition]
+    place: Pair[Position]  # the same in the coordinates of (6)
     arm: Pair[Posture]
     T: Pair[Matrix]  # body rates from u
     tip: Pair[tuple[Vector, Vector, Vector]]  # Jacobian rows along e, n, up
@@ -42,17 +43,21 @@ class Rows(NamedTuple):
     contact_point: Vector  # tip I from the arc's centre, else from the object, along arm II's axes (e, n) [m]
 
 
-def bodies(surface: Surface, geometry: Pair[Geometry], position: Pair[Position], track: Track | None = None) -> Bodies:
+def bodies(
+    surface: Surface, geometry: Pair[Geometry], position: Pair[AnyPosition], track: Track | None = None
+) -> Bodies:
     """Kinematics shared by inertia, constraints and control; ``track`` guides the object, if not the circle."""
-    arms = per_robot(robot_kinematics.posture, geometry, position)
-    tips = per_robot(robot_kinematics.tip_position, geometry, position, arms)
+    place = per_robot(robot_kinematics.placed, geometry, position)
+    arms = per_robot(robot_kinematics.posture, geometry, place)
+    tips = per_robot(robot_kinematics.tip_position, geometry, place, arms)
     return Bodies(
         position,
+        place,
         arms,
-        per_robot(robot_kinematics.body_map, position),
+        per_robot(robot_kinematics.body_map, geometry, position),
         per_robot(robot_kinematics.tip_rows, geometry, arms),
-        _contact(surface, position, tips),
-        None if track is None else guide_frame(track, position[1], tips[1]),
+        _contact(surface, place, tips),
+        None if track is None else guide_frame(track, place[1], tips[1]),
     )
 
 
@@ -106,17 +111,27 @@ def sliding_rows(b: Bodies) -> Pair[Vector]:
 
 
 def convective(
-    surface: Surface, geometry: Pair[Geometry], names: tuple[str, ...], b: Bodies, velocity: Pair[Vector]
+    surface: Surface,
+    geometry: Pair[Geometry],
+    names: tuple[str, ...],
+    b: Bodies,
+    velocity: Pair[Vector],
+    T_rate: Pair[Vector],
 ) -> Vector:
-    """Jdot u (m,) [m/s^2]: acceleration of the rows when udot = 0. ``velocity`` is u of each robot (5,)."""
+    """Jdot u (m,) [m/s^2]: acceleration of the rows when udot = 0.
 
-    def bias(g: Geometry, p: Position, arm: Posture, w: Vector, u: Vector) -> Vector:
-        return robot_kinematics.tip_bias(g, arm, w, robot_kinematics.body_map_rate(p, u))
-
+    Args:
+        surface: the coupling's lengths [m].
+        geometry: of both robots.
+        names: constraint rows.
+        b: both robots' kinematics.
+        velocity: u of each robot (5,).
+        T_rate: Tdot u of each robot (5,).
+    """
     at = b.contact
     rates = per_robot(lambda T, u: T @ u, b.T, velocity)
     v1, v2 = per_robot(lambda rows, w: tuple(dot(row, w) for row in rows), b.tip, rates)
-    a1, a2 = per_robot(bias, geometry, b.position, b.arm, rates, velocity)
+    a1, a2 = per_robot(robot_kinematics.tip_bias, geometry, b.arm, rates, T_rate)
     table = {
         "contact_normal": at.bias((v1, v2), (a1, a2), rates[1][2]),
         "contact_height": a1[2] - a2[2],

@@ -64,7 +64,7 @@ def _times(strength: Scalar, amplitude: Scalar | None) -> Scalar | None:
 
 def force_on_joints(force: Vector, k: Kinematics) -> Vector:
     """A force on the object (3,) along the world's axes [N], at tip II, on robot II's joints (5,): J_tip^T f in u."""
-    position, (along, across, up) = k.bodies.position[1], k.bodies.tip[1]
+    position, (along, across, up) = k.bodies.place[1], k.bodies.tip[1]
     s, c = sincos(position.z1 + position.a1)
     x, y, z = force
     on_arm = plus(scaled(c * y - s * x, along), scaled(-c * x - s * y, across), scaled(z, up))

@@ -12,6 +12,7 @@ from coopmm_jax.mechanics.randomness import drawn_before
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_dynamics import Lumped, lump
 from coopmm_jax.mechanics.robot_kinematics import arm_angles
+from coopmm_jax.mechanics.units import units_of, with_unit
 from coopmm_jax.parameters import (
     Geometry,
     Hardware,
@@ -49,16 +50,16 @@ def build_model(parameters: Parameters) -> Model:
     >>> build_model(Parameters()).plant[0].Sp
     0.375
     """
-    plant = parameters.plant
+    plant, units = parameters.plant, units_of(parameters)
     return Model(
-        geometry=plant.geometry,
+        geometry=per_robot(with_unit, plant.geometry, units),
         surface=plant.surface,
         gravity=plant.gravity,
         plant=per_robot(lump, plant.geometry, plant.inertia),
         nominal=per_robot(lump, plant.geometry, parameters.nominal),
         gains=parameters.gains,
         disturbance=_prepared(parameters),
-        reference=parameters.reference,
+        reference=parameters.reference._replace(unit=units),
         posture=nominal_posture(parameters),
         hardware=parameters.hardware,
         guide=plant.guide,

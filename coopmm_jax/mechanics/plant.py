@@ -15,7 +15,7 @@ from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import dependent_solution
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.robot_kinematics import (
-    Position,
+    AnyPosition,
     actuator_force,
     actuator_rates,
     arm_moved,
@@ -32,7 +32,7 @@ def plant_kinematics(
     structure: Structure,
     model: Model,
     t: Scalar,
-    position: Pair[Position],
+    position: Pair[AnyPosition],
     independent: Vector,
     carriage: Vector = (),
 ) -> Kinematics:
@@ -56,7 +56,7 @@ def expected_kinematics(
     structure: Structure,
     model: Model,
     t: Scalar,
-    position: Pair[Position],
+    position: Pair[AnyPosition],
     independent: Vector,
     carriage: Vector = (),
 ) -> Kinematics:
@@ -81,7 +81,7 @@ def respond(structure: Structure, model: Model, t: Scalar, k: Kinematics, force:
     """
     opposing = disturbing(model.disturbance, t)
 
-    def driving(exerted: Vector, geometry: Geometry, position: Position, u: Vector, losses: Vector | None) -> Vector:
+    def driving(exerted: Vector, geometry: Geometry, position: AnyPosition, u: Vector, losses: Vector | None) -> Vector:
         if structure.features.friction:
             rubbing = friction_torque(model.hardware, actuator_rates(geometry, position, u))
             losses = rubbing if losses is None else plus(losses, rubbing)
@@ -98,7 +98,7 @@ def respond(structure: Structure, model: Model, t: Scalar, k: Kinematics, force:
     return moved._replace(multipliers=(k.touch.force, *moved.multipliers))
 
 
-def rates_without_drift(k: Kinematics) -> Pair[Position]:
+def rates_without_drift(k: Kinematics) -> Pair[AnyPosition]:
     """Rates of all twelve coordinates; the dependent joints' also work phi off at ``DRIFT_RATE``."""
     correction = dependent_solution(k.reduction, scaled(DRIFT_RATE, k.reduction.rows.phi))
     return per_robot(arm_moved, per_robot(position_rates, k.bodies.position, k.velocity), correction)

@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 from coopmm_jax.algebra.matrix import Matrix, plus
 from coopmm_jax.algebra.types import Scalar, Vector
-from coopmm_jax.mechanics.robot_kinematics import Position, Posture, body_map_rate
+from coopmm_jax.mechanics import two_axles
+from coopmm_jax.mechanics.robot_kinematics import Posture
+from coopmm_jax.mechanics.two_axles import FrontLumped, FrontMotion
 from coopmm_jax.parameters import Geometry, Inertia
 
 
@@ -30,6 +32,7 @@ class Lumped(NamedTuple):
     Jp: Scalar  # I2 + sum m p^2 [kg m^2]
     Spq: Scalar
     Jq: Scalar  # I3 + sum m q^2 [kg m^2]
+    front: FrontLumped | None = None  # of a platform on two axles
 
 
 def lump(geometry: Geometry, inertia: Inertia) -> Lumped:
@@ -47,6 +50,7 @@ def lump(geometry: Geometry, inertia: Inertia) -> Lumped:
         Jp=i.I2 + g.l2**2 * (i.m2 + 4.0 * (i.m3 + i.m_obj)),
         Spq=g.l2 * g.l3 * (2.0 * i.m3 + 4.0 * i.m_obj),
         Jq=i.I3 + g.l3**2 * (i.m3 + 4.0 * i.m_obj),
+        front=None if g.front is None or i.front is None else two_axles.front_lumped(g.front, i.front),
     )
 
 
@@ -156,7 +160,10 @@ def gravity_force(m: Lumped, gravity: Scalar, arm: Posture) -> Vector:
 
 
 class Dynamics(NamedTuple):
-    """(9) of one robot at one state, in body rates: M w' + bias with w' = T udot + Tdot u."""
+    """(9) of one robot at one state, in body rates: M w' + bias with w' = T udot + Tdot u.
+
+    Those of a platform on two axles are seven: its front axle's follow the others.
+    """
 
     inertia: Matrix
     bias: Vector  # Coriolis, centrifugal, gravity
@@ -164,9 +171,24 @@ class Dynamics(NamedTuple):
     T_rate: Vector  # Tdot u
 
 
-def dynamics(lumped: Lumped, f: Factors, position: Position, T: Matrix, velocity: Vector) -> Dynamics:
-    """Inertia and bias of one robot moving at ``velocity`` u (5,)."""
-    return Dynamics(body_inertia(lumped, f), body_bias(lumped, f), T, body_map_rate(position, velocity))
+def dynamics(lumped: Lumped, f: Factors, T: Matrix, T_rate: Vector, front: FrontMotion | None = None) -> Dynamics:
+    """Inertia and bias of one robot.
+
+    Args:
+        lumped: masses, of the plant or of the controller's model.
+        f: what goes with them.
+        T: body rates from u (5 x 5).
+        T_rate: Tdot u (5,).
+        front: motion of the front axle, of a platform that has one.
+    """
+    inertia, bias = body_inertia(lumped, f), body_bias(lumped, f)
+    if front is None or lumped.front is None:
+        return Dynamics(inertia, bias, T, T_rate)
+    ahead = lumped.front
+    rows = [(*row, 0, 0) for row in inertia.rows]
+    inertia = Matrix([*rows, (*(0,) * len(rows), ahead.mass, 0), (*(0,) * len(rows), 0, ahead.yaw)])
+    bias = (*bias, *two_axles.front_bias(ahead, front.rates))
+    return Dynamics(inertia, bias, Matrix([*T.rows, *front.map.rows]), (*T_rate, *front.map_rate))
 
 
 def inverse_dynamics(d: Dynamics, acceleration: Vector) -> Vector:

@@ -15,8 +15,10 @@ import jax.numpy as jnp
 
 from coopmm_jax.algebra.matrix import Matrix, plus
 from coopmm_jax.algebra.sincos import sincos
-from coopmm_jax.algebra.types import Scalar, Vector
-from coopmm_jax.mechanics.robot import CHAINED, PLATFORM
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.mechanics import two_axles
+from coopmm_jax.mechanics.robot import ARM_JOINTS, PLATFORM, per_robot
+from coopmm_jax.mechanics.two_axles import LongPosition
 from coopmm_jax.parameters import Geometry, Pose
 
 
@@ -29,6 +31,9 @@ class Position(NamedTuple):
     a1: Scalar
     a2: Scalar
     a3: Scalar
+
+
+AnyPosition = Position | LongPosition
 
 
 class Posture(NamedTuple):
@@ -48,6 +53,75 @@ def chained(pose: Pose) -> Position:
     """(6): chained coordinates of a pose (x, y, th, a1, a2, a3)."""
     lateral, forward = in_platform(pose.x, pose.y, sincos(pose.th))
     return Position(pose.th, lateral, forward, pose.a1, pose.a2, pose.a3)
+
+
+def standing(geometry: Geometry, pose: Pose, rho: Scalar) -> AnyPosition:
+    """Chained coordinates of a pose, those of a platform on two axles included.
+
+    Args:
+        geometry: of the robot.
+        pose: in the world.
+        rho: turning radius where the pose leaves the front axle's angle open [m].
+    """
+    position, front = chained(pose), geometry.front
+    if front is None:
+        return position
+    rho = rho if pose.steer is None else two_axles.turning_radius(front, pose.steer)
+    return two_axles.lengthened(front, position[:3], rho, position[3:])
+
+
+def placed(geometry: Geometry, position: AnyPosition) -> Position:
+    """Coordinates of (6) and joint angles, whatever the platform has more."""
+    if geometry.front is not None and isinstance(position, LongPosition):
+        return Position(*two_axles.place(geometry.front, position), *arm_of(position))
+    assert isinstance(position, Position)
+    return position
+
+
+def steering(geometry: Pair[Geometry], position: Pair[AnyPosition]) -> Vector:
+    """Angles of the front axles [rad], as many as the robots have."""
+    both = zip(geometry, position, strict=True)
+    return tuple(two_axles.steering(g.front, p) for g, p in both if g.front is not None and isinstance(p, LongPosition))
+
+
+def unplaced(geometry: Pair[Geometry], place: Pair[Position], angles: Vector) -> Pair[AnyPosition]:
+    """Chained coordinates of both robots from what ``placed`` and ``steering`` tell.
+
+    Args:
+        geometry: of both robots.
+        place: coordinates of (6) and joint angles.
+        angles: of the front axles [rad], as many as the robots have.
+    """
+    further = iter(angles)
+
+    def of_one(g: Geometry, p: Position) -> AnyPosition:
+        if g.front is None:
+            return p
+        return two_axles.lengthened(g.front, p[:3], two_axles.turning_radius(g.front, next(further)), arm_of(p))
+
+    return per_robot(of_one, geometry, place)
+
+
+def mismeasured(geometry: Geometry, position: AnyPosition, error: Position, bend: Scalar | None) -> AnyPosition:
+    """Position as encoders tell it.
+
+    Args:
+        geometry: of the robot.
+        position: as it is.
+        error: of the coordinates of (6) and the joint angles [rad, m].
+        bend: error of the front axle's angle [rad]; None where there is none.
+    """
+    front = geometry.front
+    if front is None or bend is None or not isinstance(position, LongPosition):
+        return Position(*plus(position, error))
+    read = plus(placed(geometry, position), error)
+    rho = two_axles.turning_radius(front, two_axles.steering(front, position) + bend)
+    return two_axles.lengthened(front, read[:3], rho, read[3:])
+
+
+def arm_of(position: AnyPosition) -> Vector:
+    """Joint angles (3,) [rad]."""
+    return position[-ARM_JOINTS:]
 
 
 def unchained(position: Position) -> Pose:
@@ -79,17 +153,19 @@ def chained_rates(position: Position, u1: Scalar, u2: Scalar) -> tuple[Scalar, S
     return u1, u1 * position.z3, u2
 
 
-def position_rates(position: Position, u: Vector) -> Position:
+def position_rates(position: AnyPosition, u: Vector) -> AnyPosition:
     """(8) and the arm: rates of a robot's coordinates from its velocities u (5,)."""
+    if isinstance(position, LongPosition):
+        return LongPosition(u[0], u[0] * position.z3, u[0] * position.z4, u[1], *u[PLATFORM:])
     return Position(*chained_rates(position, u[0], u[1]), *u[PLATFORM:])
 
 
-def arm_moved(position: Position, change: Vector) -> Position:
+def arm_moved(position: AnyPosition, change: Vector) -> AnyPosition:
     """A position (or its rates) with the arm's entries of ``change`` (5,) added to its joints."""
-    return Position(*position[:CHAINED], *plus(position[CHAINED:], change[PLATFORM:]))
+    return type(position)(*position[:-ARM_JOINTS], *plus(arm_of(position), change[PLATFORM:]))
 
 
-def posture(geometry: Geometry, position: Position) -> Posture:
+def posture(geometry: Geometry, position: AnyPosition) -> Posture:
     """Trigonometry of the arm, evaluated once and shared by everything below."""
     s1, c1 = sincos(position.a1)
     sA, cA = sincos(position.a2)
@@ -99,34 +175,44 @@ def posture(geometry: Geometry, position: Position) -> Posture:
     return Posture(s1, c1, sA, cA, sB, cB, reach, height)
 
 
-def body_map(position: Position) -> Matrix:
+def body_map(geometry: Geometry, position: AnyPosition) -> Matrix:
     """T(z2) (5 x 5) with body rates = T u: T2 of (7) and the absolute angles in one matrix."""
+    if geometry.front is not None and isinstance(position, LongPosition):
+        return two_axles.body_map(geometry.front, position)
     return Matrix([[position.z2, 1, 0, 0, 0], [1, 0, 0, 0, 0], [1, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 1]])
 
 
-def body_map_rate(position: Position, u: Vector) -> Vector:
+def body_map_rate(geometry: Geometry, position: AnyPosition, u: Vector) -> Vector:
     """Tdot u (5,): only V = u2 + z2 u1 has a coefficient that moves, z2dot = u1 z3."""
+    if geometry.front is not None and isinstance(position, LongPosition):
+        return two_axles.body_map_rate(geometry.front, position, u)
     return (u[0] * u[0] * position.z3, 0, 0, 0, 0)
 
 
-def actuator_force(geometry: Geometry, position: Position, torque: Vector) -> Vector:
+def actuator_force(geometry: Geometry, position: AnyPosition, torque: Vector) -> Vector:
     """B_i2 tau of (9): generalised force in u of (right wheel, left wheel, joint 1, 2, 3) torques [N m]."""
+    if geometry.front is not None and isinstance(position, LongPosition):
+        return two_axles.actuator_force(geometry.front, geometry.r, position, torque)
     right, left, *joints = torque
     forward = (right + left) / geometry.r
     turning = (right - left) * geometry.l / geometry.r
     return (turning + position.z2 * forward, forward, *joints)
 
 
-def actuator_torque(geometry: Geometry, position: Position, force: Vector) -> Vector:
+def actuator_torque(geometry: Geometry, position: AnyPosition, force: Vector) -> Vector:
     """Inverse of ``actuator_force``: the five torques [N m] that exert a generalised force in u."""
+    if geometry.front is not None and isinstance(position, LongPosition):
+        return two_axles.actuator_torque(geometry.front, geometry.r, position, force)
     turning, forward, *joints = force
     turning = turning - position.z2 * forward
     common, difference = 0.5 * geometry.r * forward, 0.5 * geometry.r * turning / geometry.l
     return (common + difference, common - difference, *joints)
 
 
-def actuator_rates(geometry: Geometry, position: Position, u: Vector) -> Vector:
+def actuator_rates(geometry: Geometry, position: AnyPosition, u: Vector) -> Vector:
     """Rates of the two wheels and three joints [rad/s]: B^T u, so that torque times rate is power."""
+    if geometry.front is not None and isinstance(position, LongPosition):
+        return two_axles.actuator_rates(geometry.front, geometry.r, position, u)
     forward, turning = u[1] + position.z2 * u[0], u[0] * geometry.l
     return ((forward + turning) / geometry.r, (forward - turning) / geometry.r, *u[2:])
 

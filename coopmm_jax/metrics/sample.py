@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.matrix import Matrix, dot, minus, sub
 from coopmm_jax.algebra.sincos import sincos, wrapped
 from coopmm_jax.algebra.types import Bool, Scalar, Vector
+from coopmm_jax.control.chain import persistence
 from coopmm_jax.control.controller import estimates_of
 from coopmm_jax.control.reference import (
     AnyReference,
@@ -26,7 +27,7 @@ from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS, WHEELS
 from coopmm_jax.metrics.table import IMPACT, SETTLED
-from coopmm_jax.parameters import Hardware, Parameters, Reference, Structure, Surface
+from coopmm_jax.parameters import Hardware, Parameters, Plant, Reference, Structure, Surface
 
 # Quantities that are sums over several entries, and how many: a mean is one over all of them.
 ENTRIES = {"torque_squared": ROBOTS * ACTUATORS, "saturated": ROBOTS * ACTUATORS}
@@ -160,13 +161,20 @@ def quantities(
         "torque_change": sum(change),
         "wheel_torque_change": sum(change[: ROBOTS * WHEELS]),
         "joint_torque_change": sum(change[ROBOTS * WHEELS :]),
-        "persistence": lateral(parameters.gains) * _yaw_rate(parameters.reference, t, signals) ** 2,
+        "persistence": lateral(parameters.gains)
+        * _least_persistence(parameters.plant, _yaw_rate(parameters.reference, t, signals)),
         "c_hat": largest_size(estimates_of(parameters.gains, signals.controller)),
         "constraint_residual": largest_size(
             signals.constraint_residual[len(structure.rows) - len(structure.plant_rows) :]
         ),
         "determinant": functools.reduce(jnp.minimum, ratios),
     }
+
+
+def _least_persistence(plant: Plant, u_d1: Scalar) -> Scalar:
+    """u_d1^(2 l), l = n_v - 2, of the robot whose errors stay longest."""
+    lengths = {3 if geometry.front is None else 4 for geometry in plant.geometry}
+    return functools.reduce(jnp.minimum, (persistence(u_d1, n_v) for n_v in sorted(lengths)))
 
 
 def _yaw_rate(reference: AnyReference, t: Scalar, signals: Signals) -> Scalar:

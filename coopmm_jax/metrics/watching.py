@@ -111,7 +111,7 @@ def after(sentences: Sentences, before: Watching, count: Scalar, sample: Sample)
         monitor.watch(form, known, count, sample.step, seen, numbers.values) if known else ()
         for (_, form), known, numbers in zip(sentences.forms, before.watched, sentences.numbers, strict=True)
     )
-    state = state_of(sample.structure, sample.signals) if before.state else ()
+    state = state_of(sample.structure, sample.parameters, sample.signals) if before.state else ()
     return Watching(tuple(watched), {name: seen[name] for name in before.kept}, state)
 
 

@@ -13,14 +13,16 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.errors import UserError
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics import partitioning
+from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.robot import ROBOTS, per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position, in_platform
+from coopmm_jax.mechanics.robot_kinematics import Position, in_platform, unplaced
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.proof.steps import STEPS, bounds_at, check_controller, check_loop, sides, uncertainty_of
 from coopmm_jax.proof.terms import proof_terms
@@ -152,7 +154,10 @@ def states_of(trajectory: Any, every: int = 1) -> tuple[np.ndarray, State]:
     def columns(values: np.ndarray) -> tuple[Any, ...]:  # arrays in the place of scalars
         return tuple(np.moveaxis(np.asarray(values, np.float64)[::every], 0, -1))
 
-    position = per_robot(lambda i: _chained(*columns(np.asarray(trajectory.q)[:, i])), range(ROBOTS))
+    place = per_robot(lambda i: _chained(*columns(np.asarray(trajectory.q)[:, i])), range(ROBOTS))
+    with jax.enable_x64(True):
+        geometry = build_model(trajectory.scenario.parameters()).geometry
+        position = unplaced(geometry, place, columns(np.asarray(trajectory.steering)))
     velocity = per_robot(lambda i: columns(np.asarray(trajectory.velocity)[:, i]), range(ROBOTS))
     independent, _ = partitioning.parted(part, velocity)
     integral, eta, c_hat, force_integral = map(

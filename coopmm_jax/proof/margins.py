@@ -13,6 +13,7 @@ from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.mechanics.robot_kinematics import unplaced
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.proof.steps import STEPS, bounds_at, check_loop, sides, uncertainty_of
 from coopmm_jax.proof.terms import evaluate
@@ -22,10 +23,11 @@ NAMES = (*(f"proof_{step.strip('()')}" for step in STEPS), "proof_40")
 INSTANTS = 401  # of a rollout that are looked at, at most
 
 
-def state_of(structure: Structure, signals: Signals) -> State:
+def state_of(structure: Structure, parameters: Parameters, signals: Signals) -> State:
     """State of the proof's loop, from its signals at one instant; every leaf is a scalar."""
+    position = unplaced(build_model(parameters).geometry, signals.position, signals.steering)
     independent, _ = partitioning.parted(partitioning.partition(structure.rows), signals.velocity)
-    return State(signals.position, independent, signals.controller, carriage=signals.carriage)
+    return State(position, independent, signals.controller, carriage=signals.carriage)
 
 
 def margins(structure: Structure, parameters: Parameters, t: jax.Array, states: State) -> dict[str, jax.Array]:

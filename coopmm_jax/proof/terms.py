@@ -151,8 +151,7 @@ def _V1_and_sigma(model: Model, part: partitioning.Partition, t: Scalar, state: 
     gains, controller = model.gains, state.controller
     V1 = 0.5 * dot(controller.eta, controller.eta)
     for desired, position in zip(desired_motion(model.reference, t), state.position, strict=True):
-        s = backstepping.backstepping_errors(gains, desired, position)
-        V1 = V1 + 0.5 * (gains.k1 * s.s1 * s.s1 + s.s2 * s.s2 + s.s3 * s.s3)
+        V1 = V1 + backstepping.stored(gains, desired, position)
     z = motion.reference_velocities(model, part, t, state.position, controller.eta)
     utilde = minus(state.velocity, z)
     first, platform = len(part.independent[0]) - PLATFORM, (0.0,) * PLATFORM
@@ -167,8 +166,7 @@ def _platform_terms(model: Model, t: Scalar, state: State) -> tuple[Vector, Scal
     decay = gains.k0 * dot(state.controller.eta, state.controller.eta)
     for desired, position in zip(desired_motion(model.reference, t), state.position, strict=True):
         signal += backstepping.coupling_signal(gains, desired, position)
-        s = backstepping.backstepping_errors(gains, desired, position)
-        decay = decay + gains.k2 * (s.s2 * desired.u1) ** 2 + gains.k3 * s.s3 * s.s3
+        decay = decay + backstepping.decay(gains, desired, position)
     return signal, decay
 
 

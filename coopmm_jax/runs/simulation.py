@@ -18,7 +18,7 @@ from coopmm_jax.kinds.controllers import signals_of
 from coopmm_jax.loop.health import Health
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import Signals
-from coopmm_jax.mechanics.robot import CHAINED, per_robot
+from coopmm_jax.mechanics.robot import CHAINED, COORDINATES, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, in_world, unchained
 from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics import observer
@@ -128,7 +128,7 @@ def _sample(structure: Structure, parameters: Parameters, t: Scalar, signals: Si
     desired = _on_the_same_turn(reference, desired_motion(reference, t), signals.position)
     return {
         "t": t,
-        "q": per_robot(unchained, signals.position),
+        "q": per_robot(lambda p: unchained(p)[:COORDINATES], signals.position),
         "zeta": per_robot(lambda p: p[:CHAINED], signals.position),
         "zeta_desired": tuple((d.z1, d.z2, d.z3) for d in desired),
         "arm": tuple(p.a1 for p in signals.position),
@@ -143,6 +143,7 @@ def _sample(structure: Structure, parameters: Parameters, t: Scalar, signals: Si
         "tip": per_robot(_in_world, signals.position, signals.tip),
         "contact_point": signals.contact_point,
         "carriage": signals.carriage,
+        "steering": signals.steering,
     }
 
 
@@ -168,5 +169,6 @@ def _stacked(series: Any, t: np.ndarray) -> np.ndarray:
 
 def _start(scenario: Scenario) -> str:
     """The poses of a scenario in one line."""
-    poses = (", ".join(f"{name} {value:g}" for name, value in p._asdict().items()) for p in scenario.parameters().start)
+    given = ([(n, v) for n, v in p._asdict().items() if v is not None] for p in scenario.parameters().start)
+    poses = (", ".join(f"{name} {value:g}" for name, value in pose) for pose in given)
     return " and ".join(f"({pose})" for pose in poses)

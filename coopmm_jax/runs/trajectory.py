@@ -39,7 +39,7 @@ _LABELS: dict[str, tuple[str, ...]] = {
     "arm_axis": ("along", "across"),
 }
 # Dimensions whose length is the run's own, and the letters that stand for it.
-_SYMBOLS = {"t": "T", "row": "m", "independent": "n", "independent_arm": "na", "rail": "r"}
+_SYMBOLS = {"t": "T", "row": "m", "independent": "n", "independent_arm": "na", "rail": "r", "steered": "s"}
 
 
 def _array(dims: str, units: str, meaning: str) -> dict[str, Any]:
@@ -53,7 +53,8 @@ class Trajectory:
 
     After a failure the arrays end with the last sample before it: everything here is finite, always. Index 0 of a robot
     dimension is robot I; m is the number of constraint rows (contact normal first), n = 10 - m that of independent
-    velocities, na = n - 4 that of independent arm joints, r = 1 on a rail and else 0.
+    velocities, na = n - 4 that of independent arm joints, r = 1 on a rail and else 0,
+    s the number of platforms on two axles.
     """
 
     t: np.ndarray = field(metadata=_array("t", "s", "time"))
@@ -85,6 +86,9 @@ class Trajectory:
     )
     carriage: np.ndarray = field(
         metadata=_array("t rail", "-", "carriage of the object's rail, a phase of its path; of no rail, none")
+    )
+    steering: np.ndarray = field(
+        metadata=_array("t steered", "rad", "angle of each front axle, of platforms on two axles; of others none")
     )
     status: Status
     status_time: float | None  # [s] of the failure
@@ -165,10 +169,16 @@ class Trajectory:
             **{dim: list(labels) for dim, labels in _LABELS.items()},
             "row": list(self.rows),
             "rail": ["carriage"] if self._on_a_rail() else [],
+            "steered": self._steered(),
             "independent": [label for _, label in independent],
             "independent_arm": [label for joint, label in independent if joint >= PLATFORM],
             **_own_labels(self.law),
         }
+
+    def _steered(self) -> list[str]:
+        """Names of the robots whose platforms have two axles."""
+        pairs = zip(_LABELS["robot"], self.scenario.parameters().plant.geometry, strict=True)
+        return [robot for robot, geometry in pairs if geometry.front is not None]
 
     def _on_a_rail(self) -> bool:
         return "guide_radial" in self.rows and isinstance(self.scenario.parameters().plant.guide, Rail)

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Self
 
@@ -19,6 +20,8 @@ from coopmm_jax.metrics.sentence import signals_of
 from coopmm_jax.metrics.signals import AFTERWARDS
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import (
+    MASS_NAMES,
+    FrontInertia,
     Geometry,
     Inertia,
     MovingRail,
@@ -42,6 +45,7 @@ from coopmm_jax.scenario.sections.controller import (
 from coopmm_jax.scenario.sections.disturbance import Disturbances, paper_disturbance
 from coopmm_jax.scenario.sections.hardware import HardwareSections
 from coopmm_jax.scenario.sections.plant import CouplingSection, InitialSection, PlantSection
+from coopmm_jax.scenario.sections.platform import PlatformSection
 from coopmm_jax.scenario.sections.reference import ReferenceSection
 from coopmm_jax.scenario.sections.requirements import RequirementsSection
 from coopmm_jax.scenario.sections.schedule import ScheduleSection, schedule_section
@@ -57,6 +61,7 @@ class BaseScenario(HardwareSections):
     description: str = ""
     simulation: SimulationSection = SimulationSection()
     plant: PlantSection = PlantSection()
+    platform: PlatformSection = PlatformSection()
     coupling: CouplingSection = CouplingSection()
     nominal: NominalSection = NominalSection()
     law: LawSection = LawSection()
@@ -136,7 +141,8 @@ class BaseScenario(HardwareSections):
 
     def _plant(self) -> Plant:
         values = dict(self.plant)
-        geometry, inertia = _per_robot(Geometry, values), _inertias(values)
+        geometry = _per_robot(Geometry, values | {"front": self.platform.fronts()})
+        inertia = _inertias(values | {"front": self.platform.inertias()})
         return Plant(geometry, inertia, self._surface(), self.plant.gravity, self._guide())
 
     def _surface(self) -> Surface:
@@ -153,9 +159,10 @@ class BaseScenario(HardwareSections):
 
     def nominal_model(self) -> tuple[Inertia, Inertia]:
         """Masses and inertias that the controller believes in."""
-        plant = {name: _scaled(getattr(self.plant, name), self.nominal.scale) for name in Inertia._fields}
+        plant = {name: _scaled(getattr(self.plant, name), self.nominal.scale) for name in MASS_NAMES}
         given = {name: value for name, value in self.nominal if name != "scale" and value is not None}
-        return _inertias(plant | given)
+        front = self.platform.inertias(self.nominal.scale, {name: given.get(name) for name in FrontInertia._fields})
+        return _inertias(plant | given | {"front": front})
 
     @field_validator("gains", "schedule", "tuning", mode="before")
     @classmethod
@@ -190,6 +197,24 @@ class BaseScenario(HardwareSections):
     def _what_moves_has_a_path(self) -> Self:
         if self.coupling.guide is not None and self.reference.path is None:
             raise UserError("coupling.guide", "left out without [reference.path]", self.coupling.guide)
+        return self
+
+    @model_validator(mode="after")
+    def _the_controller_steers(self) -> Self:
+        made = controller(self.law.controller)
+        if set(self.platform.kinds) != {"differential"} and made.plugin is None and "k4" not in made.fields:
+            must = "one with backstepping (a gain k4), where a platform has two axles"
+            raise UserError("law.controller", must, self.law.controller)
+        return self
+
+    @model_validator(mode="after")
+    def _front_axles_turn_by_themselves_alone(self) -> Self:
+        steer = self.initial.steer
+        if steer is not None and set(self.platform.kinds) == {"differential"}:
+            raise UserError("initial.steer", "left out of differential drives", steer)
+        for angle in steer if isinstance(steer, tuple) else (steer,):
+            if isinstance(angle, float) and not 0.0 < abs(angle) < 0.5 * math.pi:
+                raise UserError("initial.steer", "to either side, by less than a right angle", angle)
         return self
 
     @model_validator(mode="after")

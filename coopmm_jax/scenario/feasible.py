@@ -27,6 +27,7 @@ FLATTEST = 0.2  # |n . e1|, cosine between arm I and the normal of the object's 
 ROUNDING = 1e-9  # of a surface's level [m]
 PERSISTENT = 5.0  # exp(-5) of a lateral error is left after a run
 STRONGEST = 1e9  # [N], far beyond what any arm can press, and small enough for squares to be summed
+STRAIGHTEST = 100.0  # [m], turning radius of a platform on two axles
 LONG = 5.0  # [s] of a run in which errors are meant to settle
 
 
@@ -43,6 +44,7 @@ class Course(NamedTuple):
     distance: np.ndarray  # of the desired contact point from the object's surface [m]
     height: np.ndarray  # of the object [m]
     force: np.ndarray  # desired contact force [N]
+    radius: np.ndarray  # of the path's curvature, positive to the left [m]
 
 
 def check_reference(scenario: Scenario) -> None:
@@ -62,16 +64,15 @@ def check_reference(scenario: Scenario) -> None:
     if parameters.plant.surface.shape is not None:
         _check_surface(parameters.plant.surface.shape)
     if not isinstance(parameters.reference, PathReference):
+        for i, radius in enumerate(parameters.reference.radius):
+            _check_turning(parameters, i, "reference.radius", np.array([float(radius)]), np.zeros(1))
         return
     course = _course(parameters, scenario.simulation.duration)
     _check_path(parameters.reference, course)
     _check_arms(parameters, course)
-    fastest = max(np.abs(course.turn).max(), course.speed.max())
-    if not fastest < SPEED_LIMIT:
-        raise UserError("reference.timing", f"slow enough for {SPEED_LIMIT:g} rad/s and m/s", f"up to {fastest:.3g}")
-    strongest = np.abs(course.force).max()
-    if not strongest < STRONGEST:
-        raise UserError("reference.force", f"less than {STRONGEST:g} N to either side", f"up to {strongest:.3g}")
+    for i, offset in enumerate(parameters.reference.offset):
+        _check_turning(parameters, i, "reference.path", course.radius + float(offset), course.t)
+    _check_sizes(course)
     deviation = getattr(parameters.reference.path, "deviation", None)
     if deviation is not None:
         text = f"reference.path: its curve is up to {1e3 * deviation:.2g} mm away from the spline through its points"
@@ -79,7 +80,9 @@ def check_reference(scenario: Scenario) -> None:
     if not getattr(parameters.gains, "lateral", ""):  # a controller that removes lateral errors in another way
         return
     duration = scenario.simulation.duration
-    persistence = float(lateral(parameters.gains)) * float(np.mean(course.turn**2)) * duration
+    powers = {2 if geometry.front is None else 4 for geometry in parameters.plant.geometry}  # 2 l of u_d1^(2 l)
+    turning = min(float(np.mean(course.turn**power)) for power in powers)
+    persistence = float(lateral(parameters.gains)) * turning * duration
     if persistence < PERSISTENT and duration >= LONG:
         text = f"reference: turns too little (persistence {persistence:.2g}, at least {PERSISTENT:g}) to remove"
         warnings.warn(Notice(f"{text} lateral errors within the run"), stacklevel=3)
@@ -126,7 +129,7 @@ def _sample(parameters: Parameters, t: Any) -> tuple[Any, ...]:
 
     from coopmm_jax.control.path_motion import aim_at
     from coopmm_jax.kinds.courses import current
-    from coopmm_jax.kinds.paths import frame
+    from coopmm_jax.kinds.paths import bent_frame
     from coopmm_jax.mechanics.surfaces import shape_of
 
     reference, shape = parameters.reference, shape_of(parameters.plant.surface)
@@ -140,8 +143,9 @@ def _sample(parameters: Parameters, t: Any) -> tuple[Any, ...]:
     distance = shape.level(*at) / jnp.hypot(*slope)
     height = current(parameters.plant.surface.guide_height, t)
     fastest = functools.reduce(jnp.maximum, speeds)
-    stretch = frame(reference.path, phase).stretch
-    return phase, stretch, aim.turn.value, fastest, aim.reach.value, incidence, distance, height, aim.force
+    at_phase, curvature = bent_frame(reference.path, phase)
+    lengths = (aim.reach.value, incidence, distance, height)
+    return phase, at_phase.stretch, aim.turn.value, fastest, *lengths, aim.force, 1.0 / curvature
 
 
 def _check_surface(shape: Any) -> None:
@@ -167,6 +171,32 @@ def _check_path(reference: PathReference, course: Course) -> None:
     first, last = course.phase.min(), course.phase.max()
     if span(reference.path) == OPEN and not (first > OPEN[0] - SLOWEST and last < OPEN[1] + SLOWEST):
         raise UserError("reference.timing", "within the open path's phases, -1 to 1", f"{first:.3g} to {last:.3g}")
+
+
+def _check_sizes(course: Course) -> None:
+    fastest = max(np.abs(course.turn).max(), course.speed.max())
+    if not fastest < SPEED_LIMIT:
+        raise UserError("reference.timing", f"slow enough for {SPEED_LIMIT:g} rad/s and m/s", f"up to {fastest:.3g}")
+    strongest = np.abs(course.force).max()
+    if not strongest < STRONGEST:
+        raise UserError("reference.force", f"less than {STRONGEST:g} N to either side", f"up to {strongest:.3g}")
+
+
+def _check_turning(parameters: Parameters, robot: int, field: str, rho: np.ndarray, t: np.ndarray) -> None:
+    """Check that a platform on two axles can turn about points at rho (n,) [m] to its left, at times t (n,) [s].
+
+    Raises:
+        UserError: of ``field``: straight ahead its chained form is singular, and towards a right angle its steering.
+    """
+    front = parameters.plant.geometry[robot].front
+    if front is None:
+        return
+    nearest = float(front.wheelbase)
+    beyond = ~((np.abs(rho) > nearest) & (np.abs(rho) < STRAIGHTEST) & (np.sign(rho) == np.sign(rho[0])))
+    if beyond.any():
+        name = ("I", "II")[robot]
+        must = f"such that platform {name}, on two axles, turns to one side, at {nearest:g} to {STRAIGHTEST:g} m"
+        raise UserError(field, must, f"a radius of {rho[beyond][0]:.3g} m at {t[beyond][0]:.3g} s")
 
 
 def _check_arms(parameters: Parameters, course: Course) -> None:

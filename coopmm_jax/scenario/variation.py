@@ -23,7 +23,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Inertia, Parameters, PathReference, Structure
+from coopmm_jax.parameters import MASS_NAMES, FrontInertia, Inertia, Parameters, PathReference, Structure
 from coopmm_jax.scenario import places
 from coopmm_jax.scenario.base import BaseScenario
 from coopmm_jax.scenario.kind_sections import KindSection, is_pair
@@ -111,7 +111,8 @@ class Variation(Generic[Varied]):
         Its masses and inertias of the controller's model are spelt out, so that they stay what they were.
         """
         nominal = self._nominal(values)
-        spelt_out: dict[str, Any] = {name: [getattr(robot, name) for robot in nominal] for name in Inertia._fields}
+        spelt_out: dict[str, Any] = {name: [getattr(robot, name) for robot in nominal] for name in MASS_NAMES}
+        spelt_out |= _front_masses(nominal)
         spelt_out["m_obj"] = nominal[1].m_obj
         changes = self._tables(values) | {f"nominal.{name}": value for name, value in spelt_out.items()}
         certain = self.scenario.model_copy(update={"uncertainty": type(self.scenario.uncertainty)()})
@@ -130,11 +131,21 @@ class Variation(Generic[Varied]):
 
     def _nominal(self, values: dict[str, Any]) -> tuple[Inertia, Inertia]:
         """Masses and inertias that the controller believes in: of its own numbers, but not of the plant's."""
-        return self._with(values).model_copy(update={"plant": self.scenario.plant}).nominal_model()
+        kept = {"plant": self.scenario.plant, "platform": self.scenario.platform}
+        return self._with(values).model_copy(update=kept).nominal_model()
 
     def _with(self, values: dict[str, Any]) -> Varied:
         """Scenario with unchecked values, arrays among them."""
         return places.replaced(self.scenario, self._tables(values))
+
+
+def _front_masses(nominal: tuple[Inertia, Inertia]) -> dict[str, Any]:
+    """Masses of the front axles by name, for both robots if one of them has two axles."""
+    fronts = [robot.front for robot in nominal if robot.front is not None]
+    if not fronts:
+        return {}
+    each = [robot.front or fronts[0] for robot in nominal]
+    return {name: [getattr(front, name) for front in each] for name in FrontInertia._fields}
 
 
 def batched(parameters: Parameters, count: int) -> Parameters:
@@ -204,7 +215,7 @@ def _numbers(scenario: BaseScenario, entry: Entry) -> list[Number]:
     if entry.place == f"plant.{MASSES}":
         if not entry.distribution.relative:
             raise UserError(f"uncertainty.{entry.name}.relative", f"true for {MASSES}", "false")
-        fields = [name for name in Inertia._fields if name != "m_obj" or entry.robot != 0]
+        fields = [name for name in MASS_NAMES if name != "m_obj" or entry.robot != 0]
         return [number for field in fields for number in _of_field(scenario, entry, f"plant.{field}")]
     return _of_field(scenario, entry, entry.place)
 

@@ -37,6 +37,11 @@ def _rod(parent: mujoco.MjsBody, pos: np.ndarray, mass: float, inertia: float, h
 
 def build_model(geometry: Geometry, inertia: Inertia, gravity: float) -> mujoco.MjModel:
     """The tree of one robot."""
+    return build_tree(geometry, inertia, gravity)[0].compile()
+
+
+def build_tree(geometry: Geometry, inertia: Inertia, gravity: float) -> tuple[mujoco.MjSpec, mujoco.MjsBody]:
+    """The tree of one robot, to be compiled, and its platform."""
     spec = mujoco.MjSpec()
     spec.option.gravity = -gravity * UP
     # Platform and column only yaw, so their other two moments are free: they repeat the first.
@@ -45,14 +50,19 @@ def build_model(geometry: Geometry, inertia: Inertia, gravity: float) -> mujoco.
     platform.add_joint(type=SLIDE, axis=FORWARD)
     platform.add_joint(type=HINGE, axis=UP)
     for side in (1, -1):
-        wheel = _body(platform, side * geometry.l * LATERAL, NEARLY_NOTHING, [NEARLY_NOTHING] * 3, np.zeros(3))
-        wheel.add_joint(type=HINGE, axis=-LATERAL, armature=inertia.I_w)
+        add_wheel(platform, side * geometry.l, inertia.I_w)
     column = _body(platform, geometry.mount_offset * FORWARD, inertia.m1, [inertia.I1] * 3, geometry.l1 * UP)
     column.add_joint(type=HINGE, axis=UP)
     link2 = _rod(column, 2 * geometry.l1 * UP, inertia.m2, inertia.I2, geometry.l2)
     link3 = _rod(link2, 2 * geometry.l2 * FORWARD, inertia.m3, inertia.I3, geometry.l3)
     _body(link3, 2 * geometry.l3 * FORWARD, inertia.m_obj, [0.0] * 3, np.zeros(3))
-    return spec.compile()
+    return spec, platform
+
+
+def add_wheel(body: mujoco.MjsBody, aside: float, inertia: float) -> None:
+    """Add a wheel to a body: a joint about its lateral axis with an armature and nothing else."""
+    wheel = _body(body, aside * LATERAL, NEARLY_NOTHING, [NEARLY_NOTHING] * 3, np.zeros(3))
+    wheel.add_joint(type=HINGE, axis=-LATERAL, armature=inertia)
 
 
 def rolling_basis(geometry: Geometry, th: float) -> np.ndarray:

@@ -160,3 +160,6 @@ class NominalSection(Section):
     I2: Pair[Positive] | None = quantity(None, "moment of inertia of link 2 [kg m^2]")
     I3: Pair[Positive] | None = quantity(None, "moment of inertia of link 3 [kg m^2]")
     m_obj: NotNegative | None = quantity(None, "point mass of the object [kg]")
+    m_f: Pair[Positive] | None = quantity(None, "mass of tractor or steered axle [kg]")
+    I_f: Pair[Positive] | None = quantity(None, "yaw moment of inertia of tractor or steered axle [kg m^2]")
+    I_wf: Pair[Positive] | None = quantity(None, "moment of inertia of one front wheel [kg m^2]")

@@ -87,3 +87,6 @@ class InitialSection(Section):
     a1: Pair[Finite] = quantity(_start["a1"], "yaw of the arm [rad]")
     a2: Pair[Finite] = quantity(_start["a2"], "pitch of link 2 from the horizontal [rad]")
     a3: Pair[Finite] = quantity(_start["a3"], "pitch of link 3 from link 2 [rad]")
+    steer: Pair[Finite] | None = quantity(
+        None, "angle of the front axle of a platform on two axles; by default that of the desired motion [rad]"
+    )

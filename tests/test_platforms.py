@@ -1,0 +1,253 @@
+"""The loop with trailers and cars: figures of a study, the proof's (32), slopes, scenario sections, films."""
+
+import random
+
+import jax
+import numpy as np
+import pytest
+
+import coopmm_jax as cm
+from coopmm_jax.animation.skeleton import skeleton
+from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.courses import Sine, Swing
+from coopmm_jax.kinds.paths import Circle
+from coopmm_jax.kinds.timings import Rate
+from coopmm_jax.loop.devices import draw_noise
+from coopmm_jax.loop.rollout import Plan, rollout
+from coopmm_jax.mechanics.model import build_model
+from coopmm_jax.mechanics.robot_kinematics import placed, steering
+from coopmm_jax.parameters import Car, FrontInertia, Gains, Parameters, PathReference, Pose, Rail, Structure, Trailer
+from coopmm_jax.proof.lyapunov import states_of
+from coopmm_jax.proof.terms import proof_terms
+from coopmm_jax.scenario.feasible import check_reference
+from coopmm_jax.scenario.scenario import load_scenario
+from coopmm_jax.scenario.variation import vary
+
+FULL = Structure(feedforward="full")
+FRONTS = {"trailer": (Trailer(), FrontInertia()), "car": (Car(), FrontInertia(1.0, 0.5, 0.1))}
+
+
+def beside_the_circle(kinds, away=0.1):
+    """Parameters of a run from ``away`` [m] outside of both platforms' circles, the object on a rail."""
+    paper, path, timing = Parameters(), Circle(1.7), Rate(ramp=0.5)
+    fronts = [FRONTS[kind] for kind in kinds]
+    pitch = ((1.097198, -0.795399, 1.590798), (1.570796, 2.346194, 1.590798))
+    plant = paper.plant._replace(
+        geometry=tuple(g._replace(front=f) for g, (f, _) in zip(paper.plant.geometry, fronts, strict=True)),
+        inertia=tuple(i._replace(front=f) for i, (_, f) in zip(paper.plant.inertia, fronts, strict=True)),
+        guide=Rail(path),
+    )
+    return paper._replace(
+        plant=plant,
+        nominal=plant.inertia,
+        gains=Gains(k2=3.0, k3=3.0, k4=3.0, delta_floor=0.1),
+        reference=PathReference(path, timing, contact=Swing(), contact_force=Sine(15.0, 5.0)),
+        start=tuple(Pose(radius + away, 0.0, 0.0, *arm) for radius, arm in zip((2.4, 1.0), pitch, strict=True)),
+    )
+
+
+# z1, z2, z3, a1, a2, a3, z4 of both robots at 1 s
+FIGURES = {
+    "car": (
+        (0.567398, 2.450556, -0.111469, 1.293759, -0.720987, 1.441974, 0.123036),
+        (0.567336, 1.049679, -0.114655, 1.570636, 2.273710, 1.735765, 0.119905),
+    ),
+    "trailer": (
+        (0.567147, 2.483895, -0.072502, 1.293452, -0.674250, 1.348499, -0.150014),
+        (0.565895, 1.082453, -0.074162, 1.572557, 2.234421, 1.814343, -0.132734),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", FIGURES)
+def test_run_of_a_study(kind):
+    """Figures of a prototype, in which |zetadot| of the robust term is in metres: that moves them by 2e-5."""
+    parameters = beside_the_circle((kind, kind))
+    run = jax.jit(lambda parameters: rollout(FULL, parameters, 2e-3, 500, Plan.batch(500)))
+    state = run(parameters).state
+    for geometry, position, figures in zip(
+        build_model(parameters).geometry, state.position, FIGURES[kind], strict=True
+    ):
+        found = (*placed(geometry, position), geometry.front.unit * position.z4)
+        np.testing.assert_allclose([float(x) for x in found], figures, rtol=0, atol=2e-5)
+
+
+OFFSETS, WEIGHTS = np.array([-2, -1, 1, 2]), np.array([1, -8, 8, -1]) / 12.0
+CHANGES = ("wheelbase", "r_f", "d_f", "m_f", "I_f", "k4", "k2", "path radius")
+
+
+def moved(x):
+    """Parameters of trailer and car on the circle with the numbers of CHANGES moved by x (8,)."""
+    wheelbase, r_f, d_f, m_f, I_f, k4, k2, radius = x
+    start = beside_the_circle(("trailer", "car"))
+    reference = start.reference._replace(path=Circle(1.7 + radius))
+
+    def other(geometry):
+        front = geometry.front
+        return geometry._replace(
+            front=front._replace(wheelbase=front.wheelbase + wheelbase, r_f=front.r_f + r_f, d_f=front.d_f + d_f)
+        )
+
+    def heavier(inertia):
+        return inertia._replace(front=inertia.front._replace(m_f=inertia.front.m_f + m_f, I_f=inertia.front.I_f + I_f))
+
+    plant = start.plant._replace(
+        geometry=tuple(map(other, start.plant.geometry)), inertia=tuple(map(heavier, start.plant.inertia))
+    )
+    gains = start.gains._replace(k4=3.0 + k4, k2=3.0 + k2)
+    return start._replace(plant=plant, gains=gains, reference=reference)
+
+
+def test_slopes_by_lengths_masses_and_gains_are_those_of_differences():
+    """Through 40 steps, robots and controller state, the unit of length following the platform and the path."""
+
+    def cost(x):
+        state = rollout(FULL, moved(x), 2e-3, 40, Plan.gradient(40, 10)).state
+        return sum(map(sum, state.position)) + sum(state.controller.force_integral)
+
+    both, zero, step = jax.jit(jax.value_and_grad(cost)), np.zeros(len(CHANGES)), 1e-3
+    slopes = np.asarray(both(zero)[1])
+    differences = [
+        sum(w * float(both(zero + k * step * unit)[0]) for k, w in zip(OFFSETS, WEIGHTS, strict=True)) / step
+        for unit in np.eye(len(CHANGES))
+    ]
+    assert np.all(slopes != 0)
+    np.testing.assert_allclose(slopes, differences, rtol=2e-7, atol=1e-8 * np.abs(slopes).max())
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    """Half a second of the shipped scenario, with 0.1 m of offset."""
+    return cm.simulate(load_scenario("mixed", simulation={"duration": 0.5}))
+
+
+def test_a_run_records_the_steering(mixed):
+    mixed.check()
+    assert mixed.ok
+    assert mixed.entries_of("steering") == ["II"]
+    car = mixed.scenario.parameters().plant.geometry[1].front
+    assert mixed.steering[0, 0] == pytest.approx(np.arctan(car.wheelbase / 1.0), abs=1e-12)  # as the circle asks
+    assert np.ptp(mixed.steering) > 1e-4
+
+
+def test_V1_decays_as_32_says(mixed):
+    """The general (32) along a run of both kinds, and the states that it is evaluated at."""
+    t, states = states_of(mixed, every=50)
+    geometry = build_model(mixed.scenario.parameters()).geometry
+    assert np.asarray(steering(geometry, states.position)[0]) == pytest.approx(mixed.steering[::50, 0], abs=1e-14)
+    parameters = mixed.scenario.parameters()
+    terms = proof_terms(FULL, parameters, t, states)
+    np.testing.assert_allclose(terms.V1_rate, terms.cross - terms.decay, rtol=0, atol=1e-11 * np.abs(terms.decay).max())
+
+
+def test_films_show_the_front_axle(mixed):
+    s = skeleton(mixed, np.array([0, 250, 500]))
+    assert s.front[0] is None
+    ahead = s.front[1].midpoint - s.q[:, 1, :2]
+    np.testing.assert_allclose(ahead, 0.8 * s.forward[:, 1], atol=1e-12)
+    turn = np.arctan2(
+        s.forward[:, 1, 0] * s.front[1].forward[:, 1] - s.forward[:, 1, 1] * s.front[1].forward[:, 0],
+        (s.forward[:, 1] * s.front[1].forward).sum(axis=1),
+    )
+    np.testing.assert_allclose(turn, mixed.steering[[0, 250, 500], 0], atol=1e-12)
+
+
+def test_noise_reaches_the_front_axle():
+    noisy = load_scenario("mixed", sensing={"encoder_noise": 1e-3})
+    model = build_model(noisy.parameters())
+    first, second = (draw_noise(noisy.structure(), model, sample) for sample in (0, 1))
+    assert first.steering[0] is None
+    assert first.steering[1] != second.steering[1]
+    assert 0.0 < abs(float(first.steering[1])) < 5e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "complaint"),
+    [
+        ("paper", {"platform.wheelbase": 0.5}, "platform.wheelbase: must be left out of differential drives, was 0.5"),
+        ("paper", {"initial.steer": 0.5}, "initial.steer: must be left out of differential drives, was 0.5"),
+        ("trailer", {"initial.steer": 0.0}, "initial.steer: must be to either side, by less than a right angle, was 0"),
+        ("trailer", {"platform.l_f": 0.0}, "platform.l_f: must be positive of a trailer"),
+        ("trailer", {"platform.kind": "tricycle"}, "platform.kind: must be "),
+        ("trailer", {"law.controller": "pid"}, "law.controller: must be one with backstepping (a gain k4)"),
+    ],
+)
+def test_what_does_not_fit_is_one_line(name, changes, complaint):
+    with pytest.raises(UserError) as caught:
+        load_scenario(name).with_overrides(changes)
+    assert str(caught.value).startswith(complaint)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "complaint"),
+    [
+        ("trailer", {"platform.wheelbase": 1.2}, "reference.path: must be such that platform II, on two axles"),
+        (
+            "paper",
+            {"platform": {"kind": "car", "wheelbase": 1.2}},
+            "reference.radius: must be such that platform II, on",
+        ),
+        ("ellipse", {"platform.kind": "car"}, "reference.path: must be such that platform II, on two axles"),
+        ("eight", {"platform.kind": ["car", "differential"]}, "reference.path: must be such that platform I, on two"),
+    ],
+)
+def test_paths_that_a_front_axle_cannot_follow_are_named(name, changes, complaint):
+    with pytest.raises(UserError) as caught:
+        check_reference(load_scenario(name).with_overrides(changes))
+    assert str(caught.value).startswith(complaint)
+
+
+def test_lengths_and_masses_vary_and_the_controller_keeps_its_own():
+    spread = {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}
+    car = {"kind": ["differential", "car"], "wheelbase": 0.8, "m_f": 1.0}
+    varied = {"platform.m_f": spread, "platform.wheelbase": spread}
+    scenario = load_scenario("paper_full", platform=car, uncertainty=varied)
+    variation = vary(scenario)
+    drawn = variation.batch(np.array([[0.75, 0.25]]), [0])
+    assert drawn.plant.inertia[0].front is None
+    assert drawn.plant.inertia[1].front.m_f == pytest.approx([1.1])
+    assert drawn.plant.geometry[1].front.wheelbase == pytest.approx([0.72])
+    assert drawn.nominal[1].front.m_f == pytest.approx([1.0])
+    alone = variation.sample(0, {"platform.m_f": 1.1, "platform.wheelbase": 0.72})
+    assert alone.parameters().plant.inertia[1].front.m_f == 1.1
+    assert alone.parameters().nominal[1].front.m_f == 1.0
+    lighter = load_scenario("paper_full", platform=car, nominal={"scale": 0.5}).parameters()
+    assert lighter.nominal[1].front == FrontInertia(0.5, 0.25, 0.05)
+
+
+ODD = (
+    0,
+    1,
+    -1.5,
+    0.5,
+    1e-9,
+    1e9,
+    1e300,
+    float("nan"),
+    float("inf"),
+    "none",
+    "car",
+    True,
+    [],
+    [0.5, 0.7],
+    [1.0, "x"],
+    {},
+)
+KINDS = ("differential", "trailer", "car", "tank", "", 3, ["car", "trailer"], ["car"], ["differential", "car"])
+
+
+def test_odd_sections_are_refused_in_one_line_or_pass():
+    draw, refused = random.Random(0), []
+    fields = ("wheelbase", "d_f", "l_f", "r_f", "m_f", "I_f", "I_wf", "unit", "colour")
+    for _ in range(1000):
+        table = {"kind": draw.choice(KINDS)} | {draw.choice(fields): draw.choice(ODD) for _ in range(draw.randrange(3))}
+        start = {"initial": {"steer": draw.choice(ODD)}} if draw.random() < 0.3 else {}
+        try:
+            scenario = load_scenario("paper_full", platform=table, **start)
+            check_reference(scenario)
+            scenario.to_toml()
+        except UserError as error:
+            refused.append(str(error))
+    assert 100 < len(refused) < 900
+    assert not any("\n" in line for line in refused)
