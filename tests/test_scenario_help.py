@@ -9,6 +9,7 @@ import pytest
 
 from coopmm_jax.cli import main
 from coopmm_jax.commands import fields
+from coopmm_jax.metrics.signals import SIGNALS
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.scenario import catalogue
 from coopmm_jax.scenario.commented import commented
@@ -90,10 +91,11 @@ def test_scenarios_prints_one(capsys):
     assert "NAME: must be one of compliant," in capsys.readouterr().err
 
 
-def test_metrics_are_listed_with_unit_and_meaning(capsys):
-    lines = printed(capsys, "metrics").splitlines()
-    assert [line.split()[0] for line in lines] == list(METRICS)
-    assert all(metric.meaning in line and f" {metric.unit} " in line for metric, line in zip(METRICS.values(), lines))
+def test_metrics_and_signals_are_listed_with_unit_and_meaning(capsys):
+    metrics, signals = (part.splitlines()[1:] for part in printed(capsys, "metrics").split("\n\n"))
+    for lines, known in ((metrics, METRICS), (signals, SIGNALS)):
+        assert [line.split()[0] for line in lines] == list(known)
+        assert all(about.meaning in line and f" {about.unit} " in line for about, line in zip(known.values(), lines))
 
 
 def test_help_tells_the_scenarios_own_values(capsys):

@@ -111,7 +111,7 @@ class Required:
         return robustness(stated, found, completed, survived), completed
 
     def cost(self, vector: Any, parameters: Parameters, numbers: Any) -> Scalar:
-        """Sum of the smooth robustness of all requirements, each times its weight, of what ``evaluate`` takes: ()."""
+        """Sum of the smooth robustness of all requirements, each times its weight, at a vector of gains (n,)."""
         values, _ = self.evaluate(vector, parameters, numbers, smoothly=True)
         return jnp.dot(numbers[: len(self.limits)], values)
 
