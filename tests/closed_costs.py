@@ -59,7 +59,7 @@ def replace_rollouts(monkeypatch):
     def compare(problem, vectors, first, count):
         samples = problem.samples(first, count)
         found = evaluate(None, vectors, samples)
-        metrics = {name: np.ones((len(vectors), count)) for name in ("contact_loss_fraction", "force_min")}
+        metrics = {name: np.ones((len(vectors), count)) for name in ("contact_loss_fraction", "force_min", "force_max")}
         series = {name: np.ones((len(vectors), 2, 3)) for name in comparison.measure.SERIES}
         costs = found.costs(problem.cost.coefficients)
         return Comparison(costs, found.terms, metrics, np.where(found.completed, 0, 1), np.arange(3.0), series)

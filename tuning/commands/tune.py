@@ -131,6 +131,8 @@ def _front(scenario: Scenario, options: argparse.Namespace) -> int:
     for option in ("resume", "controllers"):
         if getattr(options, option):
             raise UserError(f"--{option}", "left out where --pareto is given", "given")
+    if scenario.tuning.goals != "cost":
+        raise UserError("tuning.goals", "cost where --pareto is given", scenario.tuning.goals)
     if scenario.tuning.adversaries:
         raise UserError("tuning.adversaries", "0 where --pareto is given", scenario.tuning.adversaries)
     from tuning.commands.progress import Progress

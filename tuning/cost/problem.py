@@ -30,6 +30,7 @@ from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost import evaluate
 from tuning.cost.evaluate import Samples
 from tuning.cost.gain_space import GainSpace
+from tuning.cost.goals import Goals
 from tuning.cost.objective import TERMS, Objective, coefficients
 from tuning.cost.risk import risk
 from tuning.cost.robust_cost import RobustCost
@@ -50,12 +51,18 @@ class Problem:
     scenario: Scenario
     variation: Variation
     cost: RobustCost  # over the whole duration
+    goals: Goals | None = None  # what is minimised where tuning.goals is "requirements"
     executor: Executor | None = None  # whose workers run it, see ``coopmm_jax/sweeps/engine.py``
 
     @property
     def space(self) -> GainSpace:
         """The tuned numbers."""
         return self.cost.objective.space
+
+    @property
+    def aim(self) -> RobustCost | Goals:
+        """Cost or goals, whichever is minimised."""
+        return self.cost if self.goals is None else self.goals
 
     @property
     def names(self) -> list[str]:
@@ -87,7 +94,7 @@ class Problem:
         """
         inside = self.space.inside(np.atleast_2d(vectors))
         with carried_by(self.executor):
-            return self.cost.values(inside, self.fixed if samples is None else samples, precision)
+            return self.aim.values(inside, self.fixed if samples is None else samples, precision)
 
     def slopes(self, vectors: np.ndarray, samples: Samples | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Risks (C,) of vectors (C, n) and their exact gradients (C, n), by reverse mode through the rollouts.
@@ -98,7 +105,7 @@ class Problem:
         """
         inside = self.space.inside(np.atleast_2d(vectors))
         with carried_by(self.executor):
-            return self.cost.slopes(inside, self.fixed if samples is None else samples)
+            return self.aim.slopes(inside, self.fixed if samples is None else samples)
 
     def samples(self, first: int, count: int) -> Samples:
         """The independent samples ``first`` to ``first + count - 1``."""
@@ -165,6 +172,8 @@ def check_tuning(scenario: Scenario) -> Variation:
         raise UserError("uncertainty", "given, so that there is something to be robust against", "empty")
     if settings.tracking_from >= duration:
         raise UserError("tuning.tracking_from", f"before simulation.duration ({duration:g} s)", settings.tracking_from)
+    if settings.goals == "requirements" and not scenario.requirements.parsed():
+        raise UserError("requirements", "given where tuning.goals is requirements", "empty")
     for name in ("starts", "screening_samples", "samples", "validation_samples", "test_samples"):
         count = getattr(settings, name)
         check_count(count, f"tuning.{name}", settings.starts if name == "screening_samples" else 1)
@@ -192,7 +201,8 @@ def with_objective(scenario: Scenario, variation: Variation, objective: Objectiv
     """The problem of any objective, before its terms are scaled."""
     settings = scenario.tuning
     chosen = risk(settings.risk, settings.risk_level, settings.sharpness)
-    return Problem(scenario, variation, RobustCost(objective, np.zeros(len(TERMS)), chosen))
+    goals = Goals.of(objective, scenario) if settings.goals == "requirements" else None
+    return Problem(scenario, variation, RobustCost(objective, np.zeros(len(TERMS)), chosen), goals)
 
 
 def scaled(problem: Problem, start: np.ndarray) -> Problem:

@@ -22,8 +22,15 @@ class RobustCost:
 
     def values(self, vectors: np.ndarray, samples: Samples, precision: str = "float64") -> np.ndarray:
         """Risks (C,) of vectors (C, n); what one is worth does not depend on the others."""
-        costs = evaluate.evaluate(self.objective, vectors, samples, precision).costs(self.coefficients)
-        return np.array([float(self.risk(row)) for row in costs])
+        return self.outcomes(vectors, samples, precision)[0]
+
+    def outcomes(
+        self, vectors: np.ndarray, samples: Samples, precision: str = "float64"
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Risks (C,) of vectors (C, n), and whether a rollout failed (C,)."""
+        found = evaluate.evaluate(self.objective, vectors, samples, precision)
+        risks = np.array([float(self.risk(row)) for row in found.costs(self.coefficients)])
+        return risks, np.any(~found.completed, axis=1)
 
     def slopes(self, vectors: np.ndarray, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
         """Risks (C,) of vectors (C, n) and their gradients (C, n)."""

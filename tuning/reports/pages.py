@@ -17,6 +17,7 @@ from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.software import versions
 from coopmm_jax.sweeps.intervals import Interval, success
 from tuning.cost.objective import FAILED
+from tuning.reports import goals
 from tuning.reports.owners import entry_owners
 from tuning.studies.comparison import Change
 from tuning.studies.falsify import said
@@ -80,7 +81,9 @@ def tune_page(result: Any, changes: Mapping[str, Change], notes: Sequence[str], 
     if met:
         met["all together"] = np.logical_and.reduce([comparison.completed, *met.values()])
     costs, rates = change_table(changes, ("before", "after")), rate_table(met, ("before", "after"))
-    parts = [costs, rates, *_gains(result), Text("Remarks", notes)]
+    parts = [costs, *goals.tables(result), rates, *_gains(result), Text("Remarks", notes)]
+    if result.conflict:
+        parts.append(Text("Conflict", [str(result.conflict)]))
     commands = ["coopmm tune scenario.toml --out tuned", "coopmm simulate scenario.toml --gains-file tuned"]
     return Page("Tuning", about, parts, scenario.to_toml(), versions(), commands)
 

@@ -13,7 +13,7 @@ from coopmm_jax.metrics.table import as_text
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.sweeps.intervals import success
 from tuning.cost.objective import TERMS
-from tuning.reports import tune_figures
+from tuning.reports import goals, tune_figures
 from tuning.reports.owners import entry_owners, with_owner
 from tuning.reports.pages import tune_page, write_pictures_and_page
 from tuning.studies.comparison import STATISTICS, Change, ratio
@@ -39,7 +39,7 @@ def write_report(folder: Path, result: TuningResult, start: Scenario | None = No
     content |= {"robots": {"count": _count(result), "all_met": dict(zip(("before", "after"), _all_met(result)))}}
     content |= {"margins": [margin._asdict() for margin in result.margins], "at_bounds": result.at_bounds}
     content |= {"slopes": result.slopes._asdict() | {"chattering": result.slopes.chattering}}
-    content |= {"stopped": result.stopped}
+    content |= {"stopped": result.stopped} | goals.content(result)
     content |= {"gains": dict(zip(result.labels, np.stack([result.before, result.after], 1).tolist(), strict=True))}
     write_json(folder / "report.json", content)
     _write_tables(folder, result)
@@ -87,7 +87,7 @@ def table(result: TuningResult) -> str:
     if result.scenario.requirements.parsed():
         before, after = _all_met(result)
         lines.append(f"samples that meet every requirement: {before} before, {after} after, of {_count(result)}")
-    lines += ["", *_gains(result), "", *remarks(result)[1:]]
+    lines += ["", *goals.lines(result), *_gains(result), "", *remarks(result)[1:]]
     return "\n".join(lines) + "\n"
 
 

@@ -35,7 +35,7 @@ def slopes(problem: Problem, vector: np.ndarray) -> Slopes:
     """Slopes at a vector (n,), along the numbers of which no step makes a robot fail."""
     moves = problem.space.moves
     steps = np.concatenate([0.0 * moves[:1], *(size * moves for size in (SMALL, -SMALL, LARGE, -LARGE))])
-    costs = problem.cost.values(vector + steps, problem.drawn(SAMPLES, CHOICE))
+    costs = problem.aim.values(vector + steps, problem.drawn(SAMPLES, CHOICE))
     own, around = costs[0], costs[1:].reshape(2, 2, len(moves))
     small, large = (around[:, 0] - around[:, 1]) / (2.0 * np.array([[SMALL], [LARGE]]))
     usable = np.all(around < 1e-3 * FAILED, axis=(0, 1))

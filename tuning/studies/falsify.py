@@ -177,7 +177,7 @@ def requirement_of(scenario: Scenario, name: str) -> Requirement:
 
 def cost_of(problem: Problem, requirement: Requirement | None) -> Cost:
     """Height that is climbed: a requirement's shortfall, or what tuning minimises."""
-    return problem.cost if requirement is None else Shortfall.of(problem, requirement)
+    return problem.aim if requirement is None else Shortfall.of(problem, requirement)
 
 
 def sample_found(problem: Problem, peak: Peak, search: Ascent, requirement: Requirement | None) -> Falsification:
@@ -222,13 +222,13 @@ def worst_samples(
     """Up to ``count`` worst samples found against the gains of ``vector`` (n,): different ones, the worst first.
 
     Most are ends of climbs, and the rest starts; there are fewer where climbs end at the same point. Under
-    ``problem.cost``, as ``falsify``.
+    ``problem.aim``, as ``falsify``.
 
     Raises:
         UserError: the budget has no room for a climb.
     """
-    peaks = climbed(problem, vector, rollouts, starts, problem.cost).peaks
-    landscape = SampleCost(problem.cost, problem.variation, vector)
+    peaks = climbed(problem, vector, rollouts, starts, problem.aim).peaks
+    landscape = SampleCost(problem.aim, problem.variation, vector)
     return landscape.samples(np.stack([peak.point for peak in peaks[:count]]))
 
 

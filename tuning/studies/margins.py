@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tuning.cost import evaluate
 from tuning.cost.problem import CHOICE, Problem
 
 RISE = 0.1  # of the cost, relative
@@ -37,16 +36,14 @@ def margins(problem: Problem, vector: np.ndarray) -> list[Margin]:
     signs, index = np.repeat([-1.0, 1.0], n), np.tile(np.arange(n), 2)
     along = signs[:, None] * moves[index]
     samples, precision = problem.drawn(SAMPLES, CHOICE), problem.scenario.tuning.coarse
-    limit = (1.0 + RISE) * problem.cost.values(vector[None], samples, precision)[0]
+    limit = (1.0 + RISE) * problem.aim.values(vector[None], samples, precision)[0]
     steps = np.log(np.concatenate([[1.0], FACTORS]))
     good, bad = np.zeros(2 * n, int), np.full(2 * n, len(steps))
     failing = np.zeros(2 * n, bool)
     while np.any(bad - good > 1):
         middle = (good + bad) // 2
         moved = vector + steps[middle, None] * along
-        found = evaluate.evaluate(problem.cost.objective, moved, samples, precision)
-        lost = ~found.completed.all(axis=1)
-        risks = np.array([float(problem.cost.risk(row)) for row in found.costs(problem.cost.coefficients)])
+        risks, lost = problem.aim.outcomes(moved, samples, precision)
         kept = ~lost & (risks <= limit)
         good = np.where(kept, middle, good)
         failing = np.where(kept, failing, lost)
@@ -80,5 +77,5 @@ def sturdiest(problem: Problem, vectors: np.ndarray, values: np.ndarray) -> np.n
     nudges = np.concatenate([-step * moves, step * moves])
     moved = (near[:, None] + nudges).reshape(-1, near.shape[1])
     precision = problem.scenario.tuning.coarse
-    risks = problem.cost.values(moved, problem.drawn(SAMPLES, CHOICE), precision).reshape(len(near), -1)
+    risks = problem.aim.values(moved, problem.drawn(SAMPLES, CHOICE), precision).reshape(len(near), -1)
     return near[int(np.argmin(risks.mean(axis=1)))]

@@ -15,6 +15,7 @@ from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost.problem import TEST
 from tuning.studies.chatter import Slopes, slopes
 from tuning.studies.comparison import Comparison, compare
+from tuning.studies.conflict import Conflict
 from tuning.studies.margins import Margin, margins
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ class TuningResult:
     history: list[Row] = field(default_factory=list)
     stopped: str = ""  # why the search ended
     resumable: bool = False  # whether it ended early
+    conflict: Conflict | None = None  # of hard requirements; None where all are kept, or there are none
 
     @property
     def gains(self) -> Any:
@@ -68,7 +70,12 @@ class TuningResult:
 
 
 def report(
-    problem: Problem, vector: np.ndarray, history: list[Row] | None = None, stopped: str = "", resumable: bool = False
+    problem: Problem,
+    vector: np.ndarray,
+    history: list[Row] | None = None,
+    stopped: str = "",
+    resumable: bool = False,
+    conflict: Conflict | None = None,
 ) -> TuningResult:
     """The gains of a vector (n,) against the scenario's own, on the untouched test samples.
 
@@ -78,6 +85,7 @@ def report(
         history: of the search that found it.
         stopped: why that ended.
         resumable: whether it ended early.
+        conflict: of hard requirements that the search could not keep.
     """
     with jax.enable_x64(True), carried_by(problem.executor):
         space, scenario = problem.space, problem.scenario
@@ -96,6 +104,7 @@ def report(
             history=history or [],
             stopped=stopped,
             resumable=resumable,
+            conflict=conflict,
         )
 
 

@@ -19,11 +19,12 @@ from coopmm_jax.files import write_text
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.sweeps.batch import elsewhere
 from coopmm_jax.sweeps.engine import carried_by
-from tuning.cost import evaluate
+from tuning.cost import evaluate, required
 from tuning.cost.problem import SCREENING, Problem, build_problem, unscaled
-from tuning.cost.trials import DrawnTrials, steps_of
+from tuning.cost.trials import DrawnTrials, Kept, steps_of
 from tuning.search.stages import Descents, Place, Plan, plan
 from tuning.studies import comparison, state
+from tuning.studies.conflict import conflict_of
 from tuning.studies.falsify import ROLLOUTS, worst_samples
 from tuning.studies.margins import sturdiest
 from tuning.studies.result import Row, TuningResult, gains_file, report
@@ -112,7 +113,7 @@ def tune(
         say("choosing")
         vector = sturdiest(problem, run.vectors, run.values)
         say("measuring")
-        result = report(problem, vector, run.history, stopped, early)
+        result = report(problem, vector, run.history, stopped, early, conflict_of(problem, vector, run.trials.kept))
         if folder is not None:
             write_text(folder / state.GAINS, gains_file(result))
         return result
@@ -128,10 +129,17 @@ def compile_ahead(problem: Problem, chosen: Plan) -> None:
         problem: need not be scaled.
         chosen: the stages.
     """
-    objective, samples = problem.cost.objective, problem.samples(0, 1)
-    evaluate.compile_costs(objective, samples, problem.scenario.tuning.coarse)
-    if isinstance(chosen.wide, Descents):
-        evaluate.compile_gradients(objective, samples)
+    objective, samples, coarse = problem.cost.objective, problem.samples(0, 1), problem.scenario.tuning.coarse
+    descends, goals = isinstance(chosen.wide, Descents), problem.goals
+    if goals is None:
+        evaluate.compile_costs(objective, samples, coarse)
+        if descends:
+            evaluate.compile_gradients(objective, samples)
+    else:
+        for precision in dict.fromkeys((coarse, "float64")):  # the scales of the cost need another program
+            required.compile_values(goals.required, samples, goals.numbers, precision)
+        if descends:
+            required.compile_gradients(goals.required, samples, goals.numbers)
     comparison.compile_ahead(problem)
 
 
@@ -233,6 +241,8 @@ def _packed(run: Run) -> dict[str, np.ndarray]:
     arrays["spent"] = np.array(run.trials.spent)
     if run.trials.worst is not None:
         arrays["worst"] = run.trials.worst
+    if run.trials.problem.goals is not None:
+        arrays |= {f"kept_{name}": np.array(sorted(sets)) for name, sets in run.trials.kept._asdict().items()}
     return arrays
 
 
@@ -244,6 +254,8 @@ def _unpacked(problem: Problem, chosen: Plan, arrays: dict[str, np.ndarray]) -> 
     restored = [x if isinstance(leaf, np.ndarray) else type(leaf)(x) for leaf, x in zip(leaves, found, strict=True)]
     place = jax.tree.unflatten(structure, restored)
     rows = zip(*(arrays[name].tolist() for name in Row._fields), strict=True)
-    trials = DrawnTrials(problem, int(arrays["spent"]), arrays.get("worst"))
+    sets = (arrays.get(f"kept_{name}", np.empty((0, 0))) for name in Kept._fields)
+    kept = Kept(*(set(map(tuple, each.tolist())) for each in sets))
+    trials = DrawnTrials(problem, int(arrays["spent"]), arrays.get("worst"), kept)
     stale, idle = (int(x) for x in arrays["counts"])
     return Run(trials, place, arrays["vectors"], arrays["values"], stale, idle, [Row(*row) for row in rows])

@@ -106,6 +106,14 @@ class TuningSection(Section):
     weights: Weights = quantity(Weights(), "of the cost's terms, by name")
     scales: Scales = quantity(Scales(), "what the cost's terms are divided by, by name")
     adversaries: Adversaries = quantity(0, "worst samples searched for after an iteration, to train on from then on")
+    goals: Literal["cost", "requirements"] = quantity(
+        "cost", "what is minimised: the weighted terms, or soft [requirements] as far as the hard ones are kept"
+    )
+    hard_over: Literal["worst", "cvar", "fraction"] = quantity(
+        "worst", "robots that keep hard requirements: the worst, the worst ones on average, or a share of all"
+    )
+    hard_level: Level = quantity(0.99, "share of the robots: cvar leaves out the best ones, fraction asks for so many")
+    hard_reserve: NotNegative = quantity(0.05, "robustness asked of hard requirements in tuning, in units of the scale")
     risk: Literal["mean", "cvar", "soft_worst", "worst"] = quantity("mean", "how samples' costs become one")
     risk_level: Level = quantity(0.9, "cvar: share of the samples left out, the best ones")
     sharpness: Positive = quantity(2.0, "soft_worst: of the exponential; towards worst as it grows")
