@@ -143,6 +143,16 @@ def test_report_with_other_requirements(sweep, tmp_path, capsys):
     assert out.endswith(f"written to {tmp_path / 'sweep-report'}\n")
 
 
+def test_a_sentence_stays_as_it_was_swept_but_its_scale(thousand):
+    swept = read_results(thousand).scenario
+    scaled = swept.with_overrides({"requirements.presses": {"require": SENTENCES["presses"], "scale": 2.0}})
+    assert read_results(thousand, scaled).metrics["presses"] is not None
+    for other in ("presses", "more"):
+        changed = swept.with_overrides({f"requirements.{other}": "always contact_force >= -70"})
+        with pytest.raises(UserError, match=rf"^requirements\.{other}: must be "):
+            read_results(thousand, changed)
+
+
 def test_html_is_compact_and_starts_with_what_every_sample_has(kept):
     assert list(kept)[:4] == ["parameters", "metrics", "status", "status_time"]
     assert list(kept)[4:] == sorted(SERIES)

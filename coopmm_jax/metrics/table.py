@@ -10,12 +10,13 @@ metric is one more entry here, and one more quantity there if none fits.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.metrics import LATE, WHOLE
 from coopmm_jax.kinds.registry import Kind, known, register_constants
+from coopmm_jax.kinds.signals import added
 
 LATE_FROM = 0.75  # the late window begins with the sample nearest to this fraction of the horizon
 IMPACT = 0.01  # [s] from a landing of the tip on
@@ -212,8 +213,8 @@ METRICS = _Metrics()
 
 
 def registered() -> tuple[tuple[str, type], ...]:
-    """Names and kinds of all metrics: what a compiled program that measures them depends on."""
-    return tuple((name, kind.made) for name, kind in known("metric").items())
+    """Names and kinds of all metrics and signals: what a compiled program that measures them depends on."""
+    return tuple((name, kind.made) for kinds in (known("metric"), added()) for name, kind in kinds.items())
 
 
 def shown() -> tuple[str, ...]:
@@ -227,20 +228,23 @@ def low_is_bad(name: str) -> bool:
     return known("metric")[name].made.low_is_bad
 
 
-def check_finite(values: Mapping[str, Any], completed: Any) -> None:
-    """Refuse a plugin's metric that is not finite over a rollout that completes.
+def check_finite(values: Mapping[str, Any], completed: Any, sentences: Iterable[str] = ()) -> None:
+    """Refuse a plugin's metric, or a sentence over its signals, that is not finite over a rollout that completes.
 
     Args:
         values: of the metrics by name, NumPy arrays (...,).
         completed: whether each rollout completed (...,).
+        sentences: names of those among them.
 
     Raises:
         UserError: one is not.
     """
-    for name, kind in of_plugins().items():
+    labels = {name: f"{kind.label}: quantity" for name, kind in of_plugins().items()}
+    labels |= {name: f"requirements.{name}: robustness" for name in sentences}
+    for name, label in labels.items():
         for value, whole in zip(values[name].ravel().tolist(), completed.ravel().tolist(), strict=True):
             if whole and not math.isfinite(value):
-                raise UserError(f"{kind.label}: quantity", "finite in every rollout that completes", value)
+                raise UserError(label, "finite in every rollout that completes", value)
 
 
 def of_plugins() -> dict[str, Kind]:

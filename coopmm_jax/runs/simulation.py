@@ -74,7 +74,8 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     if status is Status.UNREACHABLE:
         raise UserError("initial", "poses from which both arms reach what [coupling] asks of them", _start(scenario))
     failed = status is not Status.OK
-    check_finite({name: np.asarray(value) for name, value in measured.items()}, np.asarray(not failed))
+    values = {name: np.asarray(value) for name, value in measured.items()}
+    check_finite(values, np.asarray(not failed), [name for name, _ in sentences.forms])
     end = int(health.step) if failed else steps + 1  # the first step that is not part of the run
     own = series["controller"]
     kept = -(-end // settings.record_every)

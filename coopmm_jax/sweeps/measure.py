@@ -85,9 +85,9 @@ def measure(
     """
     plan = Plan.batch(horizon.steps, SEGMENT)
     measured, health = _run(_metrics_of, structure, plan, horizon, device, parameters, sentences)
-    check_finite(measured, health.status == Status.OK)
-    names = (*METRICS, *(name for name, _ in sentences.forms))
-    table = np.stack([measured[name] for name in names], axis=1).astype(float)
+    spoken = [name for name, _ in sentences.forms]
+    check_finite(measured, health.status == Status.OK, spoken)
+    table = np.stack([measured[name] for name in (*METRICS, *spoken)], axis=1).astype(float)
     time = np.where(health.status == Status.OK, np.nan, health.step * horizon.step)
     return Measured(table, health.status.astype(np.int8), time)
 
