@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 _UNFINISHED: set[Path] = set()  # what is to go if the process ends now
+LOCK = ".lock"  # in a folder in which a process works
 _SHOWN = 40  # characters of a target's name in that of its temporary file: names have a limit
 
 
@@ -233,7 +234,7 @@ def _beside(target: Path, option: str) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def locked_folder(folder: Path, option: str = "--out", name: str = ".lock") -> Iterator[None]:
+def locked_folder(folder: Path, option: str = "--out", name: str = LOCK) -> Iterator[None]:
     """Keep other processes from working in a folder, which is made if needed and goes again if it stays empty.
 
     Args:

@@ -5,6 +5,7 @@ import pytest
 
 from coopmm_jax.cli import main
 from coopmm_jax.commands import watch
+from coopmm_jax.files import locked_folder
 from tests.closed_costs import replace_rollouts, scenario
 from tuning import tune
 from tuning.studies import state
@@ -53,6 +54,13 @@ def test_a_running_one_is_shown_again_when_it_has_changed(tuned, tmp_path, monke
     said = [line for line in capsys.readouterr().out.splitlines() if line.startswith(str(tmp_path))]
     assert [line.split(": ")[1].split(" ")[0] for line in said] == ["in", "in", "ended"]
     assert said[0].startswith(f"{tmp_path}: in screening 0; ")
+
+
+def test_one_that_has_only_begun_is_waited_for(tmp_path):
+    with locked_folder(tmp_path):
+        lines, ended = watch.view(tmp_path)
+    assert not ended
+    assert lines == [f"{tmp_path}: compiling and screening; the first cost comes when all starts are measured"]
 
 
 def test_controllers_in_folders_of_their_own_are_shown_together(tuned, tmp_path):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from coopmm_jax.commands import DONE
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import read_npz, resolve_path
+from coopmm_jax.files import LOCK, read_npz, resolve_path
 from coopmm_jax.scenario.gains_file import GAINS_FILE
 from coopmm_jax.scenario.overrides import read_toml
 
@@ -78,6 +78,8 @@ def view(folder: Path) -> View:
     if inner:
         views = [_tuning(path) for path in inner]
         return View([line for each in views for line in (*each.lines, "")], all(each.ended for each in views))
+    if (folder / LOCK).exists():
+        return View([f"{folder}: compiling and screening; the first cost comes when all starts are measured"], False)
     from coopmm_jax.sweeps.store import computed  # imports zarr
 
     done, total = computed(folder)

@@ -155,7 +155,8 @@ def python() -> str:
             place = f"{made.__module__}.{made.__name__}"
             if place not in shown:
                 shown.add(place)
-                parts.append(f"::: {place}\n    options:\n      heading: {name}\n      toc_label: {name}\n")
+                own = f"    options:\n      heading: {name}\n      toc_label: {name}\n" if made.__name__ != name else ""
+                parts.append(f"::: {place}\n{own}")
     return "\n".join(parts)
 
 
