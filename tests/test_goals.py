@@ -2,6 +2,8 @@
 
 import dataclasses
 import functools
+import re
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -211,6 +213,15 @@ def test_settings_that_do_not_fit_are_one_line(closed, capsys):
         unscaled(scenario(requirements={}))
     assert main(["tune", "sensed", "--pareto", "3", "--tuning.goals", "requirements"]) == 2
     assert "tuning.goals: must be cost where --pareto is given" in capsys.readouterr().err
+
+
+def test_the_scenario_of_the_user_guide_states_goals(tmp_path):
+    page = (Path(__file__).parent.parent / "docs" / "howto" / "own_requirement.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"^```toml\n(# careful\.toml\n.*?)^```$", page, flags=re.M | re.S)
+    (tmp_path / "careful.toml").write_text(text, encoding="utf-8")
+    mine = unscaled(load_scenario(tmp_path / "careful.toml")).goals
+    assert [each.metric for each in mine.requirements if each.hard] == ["presses", "joints_1", "joints_2"]
+    assert [mine.requirements[i].metric for i in mine.soft] == ["force_error_rms_late", "error_late"]
 
 
 def test_penalties_grow_slowly_beyond_one_scale():
