@@ -124,10 +124,10 @@ def arm_of(position: AnyPosition) -> Vector:
     return position[-ARM_JOINTS:]
 
 
-def unchained(position: Position) -> Pose:
-    """Inverse of ``chained``."""
+def unchained(position: Position) -> Vector:
+    """Inverse of ``chained``: (x, y, th, a1, a2, a3) in the world (6,) [m, rad]."""
     x, y = in_world(position.z2, position.z3, sincos(position.z1))
-    return Pose(x, y, position.z1, position.a1, position.a2, position.a3)
+    return x, y, position.z1, position.a1, position.a2, position.a3
 
 
 def in_platform(x: Any, y: Any, turn: tuple[Any, Any]) -> tuple[Any, Any]:

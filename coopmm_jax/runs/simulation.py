@@ -18,7 +18,7 @@ from coopmm_jax.kinds.controllers import signals_of
 from coopmm_jax.loop.health import Health
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import Signals
-from coopmm_jax.mechanics.robot import CHAINED, COORDINATES, per_robot
+from coopmm_jax.mechanics.robot import CHAINED, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, in_world, unchained
 from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics import observer
@@ -129,7 +129,7 @@ def _sample(structure: Structure, parameters: Parameters, t: Scalar, signals: Si
     desired = _on_the_same_turn(reference, desired_motion(reference, t), signals.position)
     return {
         "t": t,
-        "q": per_robot(lambda p: unchained(p)[:COORDINATES], signals.position),
+        "q": per_robot(unchained, signals.position),
         "zeta": per_robot(lambda p: p[:CHAINED], signals.position),
         "zeta_desired": tuple((d.z1, d.z2, d.z3) for d in desired),
         "arm": tuple(p.a1 for p in signals.position),
