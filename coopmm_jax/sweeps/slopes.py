@@ -8,7 +8,8 @@ x by
 the density of the robustness at 0 times the mean slope of the samples there. The sum over samples has a kernel in the
 place of delta, Epanechnikov's, of a bandwidth by Silverman's rule; only the samples under it need a gradient.
 
->>> round(Estimate.of(np.linspace(-1, 1, 4001), np.ones((4001, 1))).slope[0], 3)  # P(x + uniform(-1, 1) >= 0) at x = 0
+>>> slope = Estimate.of(np.linspace(-1, 1, 4001), np.ones((4001, 1))).slope[0]  # of P(x + uniform(-1, 1) >= 0) at x = 0
+>>> round(float(slope), 3)
 0.5
 """
 
