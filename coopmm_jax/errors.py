@@ -48,7 +48,7 @@ class UserError(ValueError):
         named, unnamed = self.more[:_OTHERS], len(self.more) - _OTHERS
         others = f" (wrong too: {', '.join(one_line(name, _FIELD // 2) for name in named)}" if named else ""
         others += (f" and {unnamed} more)" if unnamed > 0 else ")") if named else ""
-        field, was = one_line(self.field, _FIELD), one_line(shown(self.was), _WAS)
+        field, was = one_line(self.field, _FIELD), one_line(shown(self.was), _WAS) or "empty"
         return one_line(f"{field}: must be {self.must}, was {was}{others}")
 
 

@@ -125,6 +125,13 @@ FAULTS = {
     "t >= 1e999": "a finite number at column 6, was 1e999",
     "t * t >= 1": "a number, since only one factor can have a signal, at column 5, was t",
     "t / 0 >= 1": "a number other than 0 below a fraction at column 5, was 0",
+    "t / (1 - 1) >= 1": "a number other than 0 below a fraction at column 5, was (",
+    "contact_force[1] >= 1": "no [ after contact_force at column 14, was [",
+    "torque[joint_1] >= 1": "no [ after torque at column 7 (did you mean torque_1 or torque_2?), was [",
+    "t >= 1 until t >= 2 until t >= 3": "the end of the sentence, or and, or, implies, until at column 21 "
+    "(until takes parentheses: (a until b) until c), was until",
+    "t >= 1e31": "0 or from 1e-30 to 1e+30 in size at column 6, was 1e31",
+    "t >= 1e-31": "0 or from 1e-30 to 1e+30 in size at column 6, was 1e-31",
     "1 / t >= 1": "a number other than 0 below a fraction at column 5, was t",
     "abs t >= 1": "( after abs at column 5, was t",
     "abs(t >= 1) >= 1": "a number or a signal at column 5, was t",

@@ -109,11 +109,14 @@ def test_names_of_signals_and_metrics_do_not_mix():
 # What is wrong with a requirement besides its sentence, and what is said of it.
 WRONG = [
     ({"my name": "always t >= 0"}, "my name: must be named by a metric, or a sentence under a name of letters"),
-    ({"completed": "always t >= 0"}, "completed: must be named by a metric, or a sentence under a name of letters"),
+    ({"completed": "always t >= 0"}, "completed: must be a sentence under another name than completed"),
     ({"late": "always[21, 30] t >= 0"}, "late: must be a sentence whose windows all begin within the 20 s of the run"),
     ({"late": {"hard": True}}, "late.require: must be given, was missing"),
     ({"late": {"require": "always t >= 0", "scale": 0.0}}, "late.scale: must be greater than 0, was 0"),
-    ({"late": {"require": "always t >= 0", "soft": True}}, "late.soft: must be "),
+    (
+        {"late": {"require": "always t >= 0", "soft": True}},
+        "late.soft: must be one of require, scale and hard, was unknown",
+    ),
     ({"late": {"require": "always t"}}, "late.require: must be a condition, as contact_force >= 5, at column 8, was t"),
     ({"late": 3}, "late: must be one of <=, >=, ==, <, > and a number"),
 ]
@@ -124,6 +127,11 @@ def test_what_is_wrong_with_a_requirement_is_one_line(given, said):
     with pytest.raises(UserError) as error:
         cm.load_scenario("paper", requirements=given)
     assert str(error.value).startswith(f"requirements.{said}")
+
+
+def test_a_sentence_on_the_proof_of_another_loop_is_named():
+    with pytest.raises(UserError, match=r"^requirements\.holds: scenario: must be the proof's loop: .*, was another$"):
+        cm.load_scenario("sensed", requirements={"holds": "always proof_40 >= 0"})
 
 
 def test_a_table_says_more_of_a_requirement():

@@ -81,6 +81,13 @@ def test_slopes_are_printed_and_kept(thousand, found, scenario, tmp_path, monkey
     assert {row["number"] for row in rows} == {each.number for each in found}
 
 
+def test_one_sample_has_no_slopes(tmp_path, capsys):
+    out = str(tmp_path / "one.zarr")
+    assert main(["sweep", "uncertain", "--samples", "1", "--slopes", "--out", out]) == 2
+    assert capsys.readouterr().err.endswith("--samples: must be at least 2 where --slopes is given, was 1\n")
+    assert not (tmp_path / "one.zarr").exists()
+
+
 def test_what_counts_samples_has_no_slope(scenario):
     counted = scenario.with_overrides({"requirements": {"contact_loss_fraction": "<= 0.5", "settling_time": "<= 1"}})
     by_name = {each.metric: is_counted(each) for each in counted.requirements.parsed()}

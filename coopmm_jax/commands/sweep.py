@@ -71,6 +71,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     scenario = load_scenario(options.scenario, **with_gains(options, changes))
     if options.slurm is not None:
         return _write_jobs(options)
+    if options.slopes and options.samples == 1:
+        raise UserError("--samples", "at least 2 where --slopes is given", 1)
     from coopmm_jax.sweeps.processes import share  # imports JAX, as does the next
     from coopmm_jax.sweeps.run import sweep
 

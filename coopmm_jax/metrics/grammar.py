@@ -41,9 +41,10 @@ from coopmm_jax.metrics.sentence import (
     signals_of,
 )
 from coopmm_jax.metrics.signals import SIGNALS
-from coopmm_jax.metrics.weighing import limit_of, weighed
+from coopmm_jax.metrics.weighing import value_of, weighed
 
 LONGEST = 500  # characters of a sentence
+_SMALLEST, _LARGEST = 1e-30, 1e30  # size of a number other than 0: margins divided by it stay finite
 _DEEPEST = 40  # parentheses and prefixes inside each other
 _RELATIONS = {"<=": "<=", ">=": ">=", "<": "<=", ">": ">=", "==": "=="}
 _WORDS = frozenset(("always", "eventually", "until", "and", "or", "not", "implies", "abs", "inf"))
@@ -91,7 +92,8 @@ class _Reader:
         start = self.now
         form = self.condition(self.sentence(), start)
         if self.now.kind != "end":
-            self.fail("the end of the sentence, or and, or, implies, until", self.now)
+            hint = " (until takes parentheses: (a until b) until c)" if self.now.text == "until" else ""
+            self.fail("the end of the sentence, or and, or, implies, until", self.now, hint)
         form, numbers, unit, scale = weighed(form, tuple(self.numbers))
         labels = (*self.labels, *(None,) * (len(numbers) - len(self.labels)))
         return Sentence(self.text.strip(), form, numbers, labels, unit, scale)
@@ -218,7 +220,7 @@ class _Reader:
             self.quantity(part, start)
             after = self.now
             other = self.quantity(inner(), after)
-            if sign == "/" and (signals_of(other) or limit_of(other, self.numbers) == 0.0):
+            if sign == "/" and (signals_of(other) or value_of(other, self.numbers) == 0.0):
                 self.fail("a number other than 0 below a fraction", after)
             if sign == "*" and signals_of(part) and signals_of(other):
                 self.fail("a number, since only one factor can have a signal,", after)
@@ -254,6 +256,10 @@ class _Reader:
         token = self.now
         self.next += 1
         name, entries = token.text, [known for known in SIGNALS if known.startswith(f"{token.text}[")]
+        if name in SIGNALS and self.now.text == "[":
+            numbered = [f"{name}_{robot}" for robot in (1, 2) if any(s.startswith(f"{name}_{robot}[") for s in SIGNALS)]
+            hint = f" (did you mean {' or '.join(numbered)}?)" if numbered else ""
+            self.fail(f"no [ after {name}", self.now, hint)
         if entries:
             self.expect("[", f"[ after {name}, as in {entries[0]},")
             token, name = self.now, f"{name}[{self.now.text}]"
@@ -280,6 +286,8 @@ class _Reader:
         token, value = self.now, float(self.now.text)
         if not math.isfinite(value):
             self.fail("a finite number", token)
+        if value and not _SMALLEST <= value <= _LARGEST:
+            self.fail(f"0 or from {_SMALLEST:g} to {_LARGEST:g} in size", token)
         self.next += 1
         return value
 

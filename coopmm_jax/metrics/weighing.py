@@ -6,11 +6,15 @@ unit where the limit is 0 or computed.
 
 from __future__ import annotations
 
+import math
+import operator
 from collections.abc import Sequence
 from typing import Any
 
 from coopmm_jax.metrics.sentence import Arithmetic, Comparison, Constant, Formula, signals_of, walk
 from coopmm_jax.metrics.signals import SIGNALS, typical_size
+
+_COMPUTED = {"+": operator.add, "-": operator.sub, "*": operator.mul, "negative": operator.neg, "abs": abs}
 
 
 def weighed(form: Formula, numbers: tuple[float, ...]) -> tuple[Any, tuple[float, ...], str, float]:
@@ -29,6 +33,20 @@ def limit_of(part: Any, numbers: Sequence[float]) -> float | None:
         inner = limit_of(part.operands[0], numbers)
         return None if inner is None else -inner
     return numbers[part.slot] if isinstance(part, Constant) else None
+
+
+def value_of(part: Any, numbers: Sequence[float]) -> float:
+    """Value of a part without signals, computed from the numbers (n,); NaN where it divides by zero.
+
+    >>> value_of(Arithmetic("-", (Constant(0), Constant(0))), (2.0,))
+    0.0
+    """
+    if isinstance(part, Constant):
+        return numbers[part.slot]
+    first, *others = (value_of(each, numbers) for each in part.operands)
+    if part.operator == "/":
+        return first / others[0] if others[0] else math.nan
+    return float(_COMPUTED[part.operator](first, *others))
 
 
 def _divided(part: Any, numbers: list[float]) -> Any:

@@ -252,7 +252,11 @@ class BaseScenario(HardwareSections):
             if sentence is not None and any(name in AFTERWARDS for name in signals_of(sentence.form)):
                 from coopmm_jax.proof.steps import check_loop  # imports JAX, which other requirements do without
 
-                check_loop(self.structure(), self.parameters())
+                try:
+                    check_loop(self.structure(), self.parameters())
+                except UserError as error:
+                    speaks = f"requirements.{metric}: {error.field}"
+                    raise UserError(speaks, f"{error.must}, where a sentence speaks of the proof", error.was) from None
             if sentence is not None and sentence.reach() > duration:
                 must = f"a sentence whose windows all begin within the {duration:g} s of the run"
                 raise UserError(f"requirements.{metric}", must, f"one that looks {sentence.reach():g} s ahead")

@@ -23,6 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax.algebra.types import Scalar
+from coopmm_jax.errors import UserError
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.sentence import Numbers, Sentences
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     import xarray
 
 ALL = "all together"
+FEWEST = 2  # samples of a spread, and of a standard error
 _BATCH = 4  # gradients in one call: few, since the reverse pass of each keeps much
 _KEPT = 2000  # steps of which the reverse pass keeps all; of more it computes most again
 # Silverman's rule for a normal kernel, and Epanechnikov's of the same variance of the estimate.
@@ -104,9 +106,11 @@ def slopes(sweep: xarray.Dataset | Results) -> list[Slope]:
         sweep: its data set, or the results read from it.
 
     Raises:
-        UserError: nothing computed yet, or a corrupt chunk.
+        UserError: fewer than two samples computed, or a corrupt chunk.
     """
     results = as_results(sweep)
+    if len(results.index) < FEWEST:
+        raise UserError("samples", f"at least {FEWEST} computed ones for slopes", len(results.index))
     smooth = [each for each in results.requirements if not is_counted(each)]
     if not smooth:
         return []

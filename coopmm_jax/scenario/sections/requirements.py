@@ -20,7 +20,7 @@ import math
 import operator
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -84,6 +84,8 @@ class Requirement(NamedTuple):
 
 class RequirementSection(Section):
     """One requirement with all that can be said of it."""
+
+    label: ClassVar[str] = "one of require, scale and hard"  # for errors
 
     require: str = quantity(..., 'a metric\'s limit, as "<= 2.0", or a sentence')
     scale: Positive | None = quantity(None, "what its robustness is divided by, in the metric's or sentence's unit")
@@ -176,7 +178,9 @@ def _limit(metric: str, place: str, text: Any) -> Requirement:
 
 @functools.lru_cache(maxsize=256)
 def _sentence(name: str, place: str, text: str) -> Requirement:
-    if not _NAME.fullmatch(name) or name in _TAKEN:
+    if name in _TAKEN:
+        raise UserError(place, f"a sentence under another name than {name}, which stands in every table", name)
+    if not _NAME.fullmatch(name):
         raise UserError(place, "named by a metric, or a sentence under a name of letters, digits and _", name)
     sentence = read(text, place)
     return Requirement(name, ">=", 0.0, sentence.scale, sentence=sentence)
