@@ -101,7 +101,7 @@ def _everywhere(part: Any, series: _Series) -> jax.Array:
     x = jnp.where(_within(part.operands[0], series), _signed(part, series), -_FAR)
     begin = series.delay(part.begin)
     if part.end is None:
-        return _shifted(_to_the_end(x, series.temperature), begin) * _sign(part)
+        return _shifted(_from_the_back(larger, x), begin) * _sign(part)
     return _sliding(x, begin, series.delay(part.end), larger) * _sign(part)
 
 
@@ -127,23 +127,32 @@ def _reach(part: Any, series: _Series) -> Scalar:
     return most + series.delay(part.begin) if isinstance(part, Temporal) else most
 
 
-def _to_the_end(x: jax.Array, temperature: Scalar | None) -> jax.Array:
-    """Largest of all later samples, and of the sample itself (N,)."""
-    if temperature is None:
-        return jax.lax.cummax(x, reverse=True)
-    return temperature * jax.lax.cumlogsumexp(x / temperature, reverse=True)
+def _from_the_back(join: Callable[..., Any], *series: jax.Array) -> jax.Array:
+    """r = join(r of the next sample, x, ...) of each sample (N,), from -infinity after the last.
+
+    One sample after another: the operators that join halves, as ``cummax`` has in its gradient, are written one into
+    the other by XLA and take minutes to compile.
+    """
+
+    def step(later: Scalar, now: tuple) -> tuple[Scalar, Scalar]:
+        found = join(later, *now)
+        return found, found
+
+    return jax.lax.scan(step, jnp.full_like(series[0][0], -_FAR), series, reverse=True)[1]
 
 
 def _sliding(x: jax.Array, begin: Scalar, end: Scalar, larger: Callable) -> jax.Array:
     """Largest of the samples begin to end after each (N,)."""
-    length, start = jnp.asarray(end - begin + 1, jnp.int32), begin
-    found, block = jnp.full_like(x, -_FAR), x  # block: largest of 1, 2, 4, ... samples from each on
-    for bit in range((len(x) + 1).bit_length()):
+    length = jnp.asarray(end - begin + 1, jnp.int32)
+
+    def joined_bit(bit: Scalar, carry: tuple) -> tuple:
+        found, block, start = carry  # block: largest of 1, 2, 4, ... samples from each on
         used = (length >> bit) & 1
         found = jnp.where(used == 1, larger(found, _shifted(block, start)), found)
-        start = start + (used << bit)
-        if 2**bit < len(x):
-            block = larger(block, _shifted(block, 2**bit))
+        return found, larger(block, _shifted(block, 1 << bit)), start + (used << bit)
+
+    # A loop, as XLA would write its steps one into the other: two copies of each in the next, and so forth.
+    found, _, _ = jax.lax.fori_loop(0, (len(x) + 1).bit_length(), joined_bit, (jnp.full_like(x, -_FAR), x, begin))
     return found
 
 
@@ -163,7 +172,7 @@ def _until(part: Temporal, series: _Series) -> jax.Array:
     second = jnp.where(jnp.arange(series.length) <= series.last - _inner_reach(part, series), second, -_FAR)
     begin = series.delay(part.begin)
     held = -_sliding(-first, jnp.zeros_like(begin), begin, jnp.maximum)
-    found = jnp.minimum(held, _shifted(_until_the_end(first, second), begin))
+    found = jnp.minimum(held, _shifted(_from_the_back(_held_until, first, second), begin))
     if part.end is None:
         return found
     return jnp.minimum(found, _sliding(second, begin, series.delay(part.end), jnp.maximum))
@@ -176,12 +185,6 @@ def _inner_reach(part: Temporal, series: _Series) -> Scalar:
     return most
 
 
-def _until_the_end(first: jax.Array, second: jax.Array) -> jax.Array:
-    """u = min(first, max(second, u of the next sample)) (N,), from the back."""
-
-    def joined_maps(later: Any, earlier: Any) -> Any:  # x -> min(p, max(q, x)) of one after the other
-        (p2, q2), (p1, q1) = later, earlier
-        return jnp.minimum(p1, jnp.maximum(q1, p2)), jnp.maximum(q1, q2)
-
-    most, least = jax.lax.associative_scan(joined_maps, (first, second), reverse=True)
-    return jnp.minimum(most, least)
+def _held_until(later: Scalar, first: Scalar, second: Scalar) -> Scalar:
+    """u = min(first, max(second, u of the next sample)), a scalar."""
+    return jnp.minimum(first, jnp.maximum(second, later))
