@@ -79,6 +79,8 @@ def test_slopes_are_printed_and_kept(thousand, found, scenario, tmp_path, monkey
     with open("mine-report/slopes.csv") as file:
         rows = list(csv.DictReader(file))
     assert {row["number"] for row in rows} == {each.number for each in found}
+    assert main(["sweep", "mine.toml", *small, "--out", "mine.zarr", "--resume"]) == 0
+    assert not (tmp_path / "mine-report" / "slopes.csv").exists()  # the report may be of other samples
 
 
 def test_one_sample_has_no_slopes(tmp_path, capsys):

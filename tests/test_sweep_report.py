@@ -104,8 +104,8 @@ def test_figures_show_the_numbers(kept):
     assert [axes.get_xlabel() for axes in limits] == [
         "force_min [N]",
         "torque_peak [N m]",
-        "presses [N]",
-        "recovers [N]",
+        "robustness [N]",
+        "robustness [N]",
     ]
     assert limits[0].get_title().startswith("force_min >= -90\nmet by 0.")
     assert sum(patch.get_height() for patch in limits[0].containers[0]) == (kept.status.values == 0).sum()

@@ -73,7 +73,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         return _write_jobs(options)
     if options.slopes and options.samples == 1:
         raise UserError("--samples", "at least 2 where --slopes is given", 1)
-    from coopmm_jax.sweeps.processes import share  # imports JAX, as does the next
+    from coopmm_jax.sweeps import slopes_table  # imports JAX, as do the next two
+    from coopmm_jax.sweeps.processes import share
     from coopmm_jax.sweeps.run import sweep
 
     folder = report_folder(options.out, "out")
@@ -89,6 +90,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     publish_and_print(folder, data)
     if options.slopes:
         _report_slopes(folder, data)
+    else:
+        (folder / slopes_table.FILE).unlink(missing_ok=True)  # of an earlier sweep, or of fewer samples
     print(f"written to {options.out} and {folder}")
     return DONE
 

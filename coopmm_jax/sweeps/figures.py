@@ -162,7 +162,8 @@ def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) 
         axes.yaxis.set_minor_formatter("")
     axes.locator_params(axis="x", nbins=5)  # more labels of small numbers do not fit side by side
     axes.xaxis.set_major_formatter("{x:g}")
-    axes.set_xlabel(f"{metric} [{results.scenario.requirements.metrics()[metric].unit}]")
+    shown = "robustness" if isinstance(limit, Requirement) and limit.sentence else metric
+    axes.set_xlabel(f"{shown} [{results.scenario.requirements.metrics()[metric].unit}]")
     axes.set_ylabel("samples")
     if isinstance(limit, Requirement):
         met = success(int(results.met(limit).sum()), len(results.index))
