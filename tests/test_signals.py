@@ -157,3 +157,17 @@ def test_a_table_says_more_of_a_requirement():
         ("force_max", True),
         ("presses", True),
     ]
+
+
+@pytest.mark.parametrize("name", ["contact_force", "torque_1", "until", "proof_40"])
+def test_a_signal_cannot_take_a_name_that_sentences_know(name, monkeypatch):
+    monkeypatch.setattr(registry, "_KINDS", {group: dict(each) for group, each in registry._KINDS.items()})
+
+    class Own(NamedTuple):
+        unit, meaning = "N", "mine"
+
+        def value(self, sample):
+            return sample.t
+
+    with pytest.raises(UserError, match=rf"must be registered under a name that means nothing .* yet, was {name}$"):
+        cm.register("signal", name)(Own)

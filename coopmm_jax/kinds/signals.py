@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.registry import Attribute, Group, Kind, Method, declare, known
+
+TAKEN: set[str] = set()  # what names mean in sentences already: built-in signals and words, told by their modules
+
+
+def _accept(kind: Kind) -> None:
+    if kind.name in TAKEN:
+        raise UserError(kind.label, "registered under a name that means nothing in sentences yet", kind.name)
+
 
 declare(
     Group(
@@ -13,6 +22,7 @@ declare(
             Attribute("unit", "of the signal, as text", str),
             Attribute("meaning", "of the signal, in a few words", str),
         ),
+        _accept,
     )
 )
 

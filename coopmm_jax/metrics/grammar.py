@@ -30,6 +30,7 @@ import re
 from typing import Any, NamedTuple, NoReturn
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds.signals import TAKEN
 from coopmm_jax.metrics.sentence import (
     Arithmetic,
     Comparison,
@@ -48,6 +49,7 @@ _SMALLEST, _LARGEST = 1e-30, 1e30  # size of a number other than 0: margins divi
 _DEEPEST = 40  # parentheses and prefixes inside each other
 _RELATIONS = {"<=": "<=", ">=": ">=", "<": "<=", ">": ">=", "==": "=="}
 _WORDS = frozenset(("always", "eventually", "until", "and", "or", "not", "implies", "abs", "inf"))
+TAKEN.update(_WORDS)
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _TOKEN = re.compile(rf"\s*(?:({_NUMBER})|([A-Za-z_]\w*)|(<=|>=|==|[<>+\-*/()\[\],]))", re.ASCII)
 _CONDITION, _QUANTITY = "a condition, as contact_force >= 5,", "a number or a signal"

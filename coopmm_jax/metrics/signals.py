@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from coopmm_jax.kinds.signals import added
+from coopmm_jax.kinds.signals import TAKEN, added
 from coopmm_jax.metrics.table import of_plugins
 
 # Typical sizes by unit, by which margins are divided where no limit gives a size.
@@ -87,6 +87,7 @@ AFTERWARDS = {
 }
 _TABLE += tuple(AFTERWARDS.values())
 BUILT_IN = {signal.name: signal for signal in _TABLE}
+TAKEN.update(name.partition("[")[0] for name in BUILT_IN)
 
 
 class _Signals(Mapping[str, SignalAbout]):
