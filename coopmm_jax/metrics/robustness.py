@@ -145,7 +145,7 @@ def _sliding(x: jax.Array, begin: Scalar, end: Scalar, larger: Callable) -> jax.
     """Largest of the samples begin to end after each (N,)."""
     length = jnp.asarray(end - begin + 1, jnp.int32)
 
-    def joined_bit(bit: Scalar, carry: tuple) -> tuple:
+    def joined_bit(bit: jax.Array, carry: tuple) -> tuple:
         found, block, start = carry  # block: largest of 1, 2, 4, ... samples from each on
         used = (length >> bit) & 1
         found = jnp.where(used == 1, larger(found, _shifted(block, start)), found)
