@@ -134,7 +134,7 @@ def _from_the_back(join: Callable[..., Any], *series: jax.Array) -> jax.Array:
     the other by XLA and take minutes to compile.
     """
 
-    def step(later: Scalar, now: tuple) -> tuple[Scalar, Scalar]:
+    def step(later: jax.Array, now: tuple) -> tuple[jax.Array, jax.Array]:
         found = join(later, *now)
         return found, found
 
