@@ -30,6 +30,7 @@ SMALL = {
     "coopmm init mine.toml": [*SHORT_TUNING, *shlex.split("--loop.control-period 0.001")],
     "coopmm init round.toml": [*SHORT, *shlex.split("--reference.path.order 1 --reference.path.tolerance 1")],
     "coopmm init": SHORT,
+    "coopmm help": [],
     "coopmm simulate mine.toml": FULL,
     "coopmm simulate sensed": SHORT,
     "coopmm simulate": [],

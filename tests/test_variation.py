@@ -152,6 +152,36 @@ def test_a_sample_is_a_scenario_with_the_same_parameters():
     assert sample.uncertainty.entries() == ()
 
 
+SOFT = {"kind": "profile", "coefficients": [0.8, 0.1, 0.2]}
+
+
+@pytest.mark.parametrize(
+    ("entries", "draws", "drawn"),
+    [
+        ({"coefficients": FACTOR}, 1, (0.88, 0.11, 0.22)),
+        ({"coefficients": EACH}, 3, (0.88, 0.11, 0.22)),
+        ({"coefficients.3": FACTOR}, 1, (0.8, 0.1, 0.22)),
+    ],
+)
+def test_numbers_of_a_list_vary_together_or_alone(entries, draws, drawn):
+    laws = {f"coupling.surface.{name}": law for name, law in entries.items()}
+    laws |= {"plant.masses": {"distribution": "none"}, "disturbance.scale": {"distribution": "none"}}
+    variation = vary(load_scenario("flat", **{"coupling.surface": SOFT}, uncertainty=laws))
+    assert len(variation.draws) == draws
+    point = np.full((1, draws), 0.75)
+    sample = variation.sample(0, {name: float(value[0]) for name, value in variation.values(point).items()})
+    np.testing.assert_allclose(sample.coupling.surface.coefficients, drawn, rtol=1e-12)
+    shape = variation.batch(point, [0]).plant.surface.shape
+    np.testing.assert_allclose(np.ravel(shape.coefficients), drawn, rtol=1e-12)
+
+
+def test_a_list_has_as_many_entries_as_it_has():
+    with pytest.raises(UserError, match=r"^uncertainty\.coupling\.surface\.coefficients\.4: must be .*\.1 to \.3, was"):
+        vary(
+            load_scenario("flat", **{"coupling.surface": SOFT}, uncertainty={"coupling.surface.coefficients.4": FACTOR})
+        )
+
+
 def test_a_file_with_uncertainty_survives_the_round_trip(tmp_path):
     text = 'base = "paper"\n[uncertainty]\nplant.m_p = {distribution = "normal", mean = 5, std = 0.1}\n'
     text += '"plant.m2.1" = {distribution = "uniform", low = 1, high = 2}\n[requirements]\nforce_min = ">= -5"\n'
@@ -178,7 +208,7 @@ def law(**changes):
         ({"sensing.force_delay": FACTOR}, "uncertainty.sensing.force_delay: must be a field whose values are real"),
         ({"loop.control_period": law(low=0.001, high=0.002, relative=None)}, "uncertainty.loop.control_period: must"),
         ({"plant.gravity.1": FACTOR}, "uncertainty.plant.gravity.1: must be plant.gravity, which has no list of two"),
-        ({"plant.m_p.3": FACTOR}, "uncertainty.plant.m_p.3: must be a field of [plant.m_p], was unknown"),
+        ({"plant.m_p.3": FACTOR}, "uncertainty.plant.m_p.3: must be plant.m_p.1 to .2, was plant.m_p.3"),
         ({"plant.m_p": FACTOR, "plant.masses": FACTOR}, "uncertainty.plant.m_p: must be given once, was given twice"),
         ({"plant.masses": law(relative=None)}, "uncertainty.plant.masses.relative: must be true for masses, was false"),
         ({"initial.y": FACTOR}, "uncertainty.initial.y: must be a number that changes the simulation (a factor on 0"),

@@ -165,10 +165,15 @@ def _type(plain: Any, about: Quantity) -> Any:
     if is_pair(plain):
         return Pair[number]
     if is_vector(plain):
-        return Annotated[tuple[number, ...], Field(min_length=1)]
+        return Annotated[tuple[number, ...], Field(min_length=1), BeforeValidator(_listed)]
     if plain is bool:
         return Flag
     return Annotated[plain, Strict(), Field(**bounds)] if plain in _STRICT else plain
+
+
+def _listed(value: Any) -> Any:
+    """A list of one number where the number alone is given, as on the command line."""
+    return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 def is_scalar(plain: Any) -> bool:

@@ -20,7 +20,6 @@ from coopmm_jax.kinds.controllers import DEFAULT
 
 DISTRIBUTION = "distribution"  # the key of a table that says how a number varies
 KIND = "kind"  # the key that says what kind of thing a table describes
-BY_ROBOT = frozenset(("1", "2"))  # the keys of a table with an entry for each robot
 _DEEPEST = 20
 # What TOML does not take for a number and everyone else does.
 _NUMBER = re.compile(r"[+-]?(\d+\.|\.\d+|\d+\.\d*)(e[+-]?\d+)?", re.IGNORECASE)
@@ -144,12 +143,17 @@ def entry_of(names: Sequence[Any], key: str) -> int | None:
     """
     if key in names:
         return list(names).index(key)
-    return int(key) - 1 if key.isdecimal() and len(key) < 9 and 1 <= int(key) <= len(names) else None
+    return int(key) - 1 if is_number(key) and int(key) <= len(names) else None
+
+
+def is_number(key: str) -> bool:
+    """True for the number of a robot, or of an entry of a list, counted from 1."""
+    return key.isdecimal() and len(key) < 9 and int(key) >= 1
 
 
 def _replaces(new: Mapping[str, Any], old: Mapping[str, Any]) -> bool:
     """True if nothing of an old table may survive in a new one."""
-    if DISTRIBUTION in new or (DISTRIBUTION in old and new.keys() <= BY_ROBOT and bool(new)):
+    if DISTRIBUTION in new or (DISTRIBUTION in old and bool(new) and all(map(is_number, new))):
         return True
     return KIND in new and new[KIND] != old.get(KIND)
 

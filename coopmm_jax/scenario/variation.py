@@ -26,8 +26,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.parameters import MASS_NAMES, FrontInertia, Inertia, Parameters, PathReference, Structure
 from coopmm_jax.scenario import places
 from coopmm_jax.scenario.base import BaseScenario
-from coopmm_jax.scenario.kind_sections import KindSection, is_pair
-from coopmm_jax.scenario.overrides import BY_ROBOT
+from coopmm_jax.scenario.kind_sections import KindSection, is_pair, is_vector
 from coopmm_jax.scenario.sections.uncertainty import Distribution, Entry
 from coopmm_jax.scenario.validation import closest, validate
 
@@ -50,7 +49,7 @@ class Number(NamedTuple):
     """One number of a scenario that varies."""
 
     place: str  # dotted name of its field
-    robot: int | None  # 0 or 1; None: a number without robots, or the same for both
+    part: int | None  # of a pair of robots or a list, from 0; None: a number alone, or the same for both robots
     base: float  # the scenario's value
     unit: str
     meaning: str
@@ -60,7 +59,7 @@ class Number(NamedTuple):
     @property
     def name(self) -> str:
         """Dotted name, as the user writes it."""
-        return self.place + ("" if self.robot is None else f".{self.robot + 1}")
+        return self.place + ("" if self.part is None else f".{self.part + 1}")
 
 
 @dataclass(frozen=True)
@@ -119,14 +118,14 @@ class Variation(Generic[Varied]):
         return certain.with_overrides(changes | {"simulation.stream": index})
 
     def _tables(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Dotted fields to their new values: numbers of single robots as pairs."""
+        """Dotted fields to their new values: numbers of single robots as pairs, of lists as whole lists."""
         changes: dict[str, Any] = {}
         for number in self.numbers:
-            if number.robot is None:
+            if number.part is None:
                 changes[number.place] = values[number.name]
             else:
-                pair = changes.setdefault(number.place, list(_pair(_current(self.scenario, number.place)[1])))
-                pair[number.robot] = values[number.name]
+                parts = changes.setdefault(number.place, list(_pair(_current(self.scenario, number.place)[1])))
+                parts[number.part] = values[number.name]
         return changes
 
     def _nominal(self, values: dict[str, Any]) -> tuple[Inertia, Inertia]:
@@ -175,7 +174,7 @@ def vary(scenario: Varied) -> Variation[Varied]:
     seen: set[str] = set()
     for number in numbers:
         both = {number.name, number.place} | (
-            {f"{number.name}.1", f"{number.name}.2"} if number.robot is None else set()
+            {f"{number.name}.1", f"{number.name}.2"} if number.part is None else set()
         )
         if seen & both:
             raise UserError(f"uncertainty.{number.name}", "given once", "given twice")
@@ -215,7 +214,7 @@ def _numbers(scenario: BaseScenario, entry: Entry) -> list[Number]:
     if entry.place == f"plant.{MASSES}":
         if not entry.distribution.relative:
             raise UserError(f"uncertainty.{entry.name}.relative", f"true for {MASSES}", "false")
-        fields = [name for name in MASS_NAMES if name != "m_obj" or entry.robot != 0]
+        fields = [name for name in MASS_NAMES if name != "m_obj" or entry.part != 0]
         return [number for field in fields for number in _of_field(scenario, entry, f"plant.{field}")]
     return _of_field(scenario, entry, entry.place)
 
@@ -223,16 +222,16 @@ def _numbers(scenario: BaseScenario, entry: Entry) -> list[Number]:
 def _of_field(scenario: BaseScenario, entry: Entry, place: str) -> list[Number]:
     owner, value = _current(scenario, place)
     kind, field, law = type(owner), place.rpartition(".")[2], entry.distribution
-    pair = _is_pair(kind, field, value)
-    if entry.robot is not None and not pair and field != "m_obj":
-        raise UserError(f"uncertainty.{entry.name}", f"{place}, which has no list of two", entry.name)
-    alike = not isinstance(value, tuple) and not law.each and entry.robot is None
-    robots = [entry.robot] if entry.robot is not None else [0, 1]
-    chosen = [None] if alike or not pair else robots
+    count = _count(kind, field, value)
+    if entry.part is not None and entry.part >= count and not (field == "m_obj" and entry.part in (0, 1)):
+        must = f"{place}.1 to .{count}" if count else f"{place}, which has no list of two"
+        raise UserError(f"uncertainty.{entry.name}", must, entry.name)
+    alike = not isinstance(value, tuple) and not law.each and entry.part is None
+    parts = [entry.part] if entry.part is not None else range(count)
     numbers = []
-    for robot in chosen:
-        base: Any = value if robot is None else _pair(value)[robot]
-        about = Number(place, robot, base, *_described(kind, field), law, draw="")
+    for part in [None] if alike or not count else parts:
+        base: Any = value if part is None else _pair(value)[part]
+        about = Number(place, part, base, *_described(kind, field), law, draw="")
         numbers.append(about._replace(draw=about.name if law.each else law.group or entry.name))
     return numbers
 
@@ -251,8 +250,6 @@ def _current(scenario: BaseScenario, place: str) -> tuple[BaseModel, Any]:
     entries = value if isinstance(value, tuple) else (value,)
     if not all(isinstance(x, float) for x in entries):
         raise UserError(f"uncertainty.{place}", "a field whose values are real numbers", _told(value))
-    if isinstance(value, tuple) and len(value) != len(BY_ROBOT):
-        raise UserError(f"uncertainty.{place}", "a number, or one for each robot", value)
     if isinstance(owner, KindSection) and owner.fixed(field):
         raise UserError(f"uncertainty.{place}", "a number that a rollout reads, not one that is read at load", place)
     return owner, value
@@ -263,15 +260,16 @@ def _told(value: Any) -> Any:
     return f"[{value.kind}]" if isinstance(value, KindSection) else value
 
 
-def _is_pair(kind: type[BaseModel], field: str, value: Any) -> bool:
-    """True if a field takes one number for each robot."""
+def _count(kind: type[BaseModel], field: str, value: Any) -> int:
+    """Numbers that a field takes: 2 where each robot has one, those of a list, else 0."""
     if issubclass(kind, KindSection) and field in kind.about().fields:
-        return is_pair(kind.about().fields[field].type)
+        type_ = kind.about().fields[field].type
+        return 2 if is_pair(type_) else len(value) if is_vector(type_) else 0
     try:
         validate(kind, {field: _pair(value)})
     except UserError:
-        return False
-    return True
+        return 0
+    return 2
 
 
 def _pair(value: Any) -> tuple[Any, Any]:

@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.fields import Finite, Flag, Positive, Section, quantity
-from coopmm_jax.scenario.overrides import BY_ROBOT, DISTRIBUTION, merged
+from coopmm_jax.scenario.overrides import DISTRIBUTION, is_number, merged
 from coopmm_jax.scenario.validation import closest, validate
 
 _SHAPES = {  # distribution -> the numbers that describe it
@@ -81,17 +81,17 @@ class Entry(NamedTuple):
     """One line of the section."""
 
     place: str  # dotted name of a field
-    robot: int | None  # 0 or 1; None: not one robot's alone
+    part: int | None  # 0 or 1 of a pair of robots, 0 to n - 1 of a list; None: not one of them alone
     distribution: Distribution
 
     @property
     def name(self) -> str:
         """As the user writes it."""
-        return self.place + ("" if self.robot is None else f".{self.robot + 1}")
+        return self.place + ("" if self.part is None else f".{self.part + 1}")
 
 
 class UncertaintySection(Section, extra="allow"):
-    """[uncertainty]: section.field = { distribution = ..., ... }; section.field.1 and .2 are one robot's."""
+    """[uncertainty]: section.field = { distribution = ..., ... }; section.field.1, .2: a robot's, or a list's."""
 
     # tables in tables, with a Distribution at the end of each path
     __pydantic_extra__: dict[str, dict[str, Any]] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -112,7 +112,7 @@ def _entries(path: tuple[str, ...], table: Mapping[str, Any]) -> Iterator[Entry]
     for name, given in table.items():
         if not isinstance(given, Distribution):
             yield from _entries((*path, name), given)
-        elif name in BY_ROBOT and len(path) > 1:
+        elif is_number(name) and len(path) > 1:
             yield Entry(".".join(path), int(name) - 1, given)
         else:
             yield Entry(".".join((*path, name)), None, given)
