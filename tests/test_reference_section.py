@@ -13,6 +13,7 @@ from coopmm_jax.kinds.courses import Steps, Table
 from coopmm_jax.kinds.paths import Chebyshev, Eight, Ellipse, Fourier, bent_frame
 from coopmm_jax.kinds.waypoints import Csv, Waypoints
 from coopmm_jax.parameters import PathReference, Rail
+from coopmm_jax.runs.beginning import beginning, warn_of_distant_start
 from coopmm_jax.scenario.feasible import check_reference
 from tests.beside_a_path import EIGHT, ELLIPSE, ellipse
 
@@ -91,6 +92,15 @@ def test_simulated_ellipse():
         ({"reference.force": {"kind": "steps", "times": [1.0], "levels": [1.0]}}, "levels: must be 2 of them"),
         ({"reference.path": {"kind": "waypoints", "x": [0, 1, 1], "y": [0, 0, 1]}}, "x: must be 4 points at least"),
         ({"reference.path": {"kind": "csv", "file": "/nowhere.csv"}}, "file: must be a CSV file"),
+        (
+            {"reference.force": {"kind": "steps", "times": [2.0, 1.0], "levels": [1.0, 2.0, 3.0]}},
+            "times: must be rising",
+        ),
+        ({"reference.force": {"kind": "table", "times": [0.0, 1.0, 1e300]}}, "times: must be within 1e"),
+        (
+            {"reference.path": {"kind": "waypoints", "x": [0, 1, 1, 1e300], "y": [0, 0, 1, 1]}},
+            r"x: must be of points within 1e\+06 m of the world's axes, was \(1e\+300, 1\) at point 4",
+        ),
     ],
 )
 def test_sections_that_are_refused(changes, message):
@@ -120,6 +130,29 @@ def test_sections_that_are_refused(changes, message):
 def test_references_that_cannot_be_followed(changes, message):
     with pytest.raises(cm.UserError, match=message):
         check_reference(scenario().with_overrides(changes))
+
+
+def test_one_number_fills_a_list_of_any_length():
+    made = scenario(reference=ALONG | {"force": {"kind": "steps", "times": 2.0, "levels": [15.0, 20.0]}})
+    assert made.reference.force.times == (2.0,)
+
+
+def test_where_a_reference_begins():
+    """Along x, platforms face it at th = -pi/2: I stands 0.7 m to the right, II to the left, arms straight across."""
+    ahead = {"kind": "open", "x": [3.0, 3.0], "y": [1.0, 0.0]}
+    timing = {"kind": "rest_to_rest"}
+    parameters = cm.load_scenario("flat", reference={"path": ahead, "timing": timing, "contact": "none"}).parameters()
+    one, two = beginning(parameters)
+    right = 0.5 * np.pi
+    np.testing.assert_allclose([one[:4], two[:4]], [[0.0, 0.3, -right, right], [0.0, 1.7, -right, right]], atol=1e-12)
+    near = parameters._replace(start=(one, two))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_of_distant_start(near)
+    with pytest.warns(
+        Notice, match=r"up to 0\.6 m and 0 rad from where .* \(x 0, y 0\.3, th -1\.5708, a1 1\.5708\) and"
+    ):
+        warn_of_distant_start(near._replace(start=(one._replace(x=0.6), two)))
 
 
 def test_arm_along_the_surface_is_refused():

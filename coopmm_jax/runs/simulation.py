@@ -25,6 +25,7 @@ from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.sentence import Formula, Numbers, Sentences
 from coopmm_jax.metrics.table import check_finite, registered
 from coopmm_jax.parameters import Parameters, Reference, Structure
+from coopmm_jax.runs.beginning import AIMED_AT, beginning, told, warn_of_distant_start
 from coopmm_jax.runs.trajectory import Trajectory
 from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.feasible import check_reference
@@ -72,8 +73,11 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
         series, measured, health = jax.device_get(outcome)
     status = Status(int(health.status))
     if status is Status.UNREACHABLE:
-        raise UserError("initial", "poses from which both arms reach what [coupling] asks of them", _start(scenario))
+        must = "poses from which both arms reach what [coupling] asks of them; the reference begins at"
+        raise UserError("initial", f"{must} {told(beginning(parameters), AIMED_AT)}", told(parameters.start))
     failed = status is not Status.OK
+    if failed:
+        warn_of_distant_start(parameters)
     values = {name: np.asarray(value) for name, value in measured.items()}
     check_finite(values, np.asarray(not failed), [name for name, _ in sentences.forms])
     end = int(health.step) if failed else steps + 1  # the first step that is not part of the run
@@ -166,10 +170,3 @@ def _stacked(series: Any, t: np.ndarray) -> np.ndarray:
     if not isinstance(series, tuple):
         return series
     return np.stack([_stacked(entry, t) for entry in series], axis=1) if series else np.empty((len(t), 0), t.dtype)
-
-
-def _start(scenario: Scenario) -> str:
-    """The poses of a scenario in one line."""
-    given = ([(n, v) for n, v in p._asdict().items() if v is not None] for p in scenario.parameters().start)
-    poses = (", ".join(f"{name} {value:g}" for name, value in pose) for pose in given)
-    return " and ".join(f"({pose})" for pose in poses)

@@ -60,7 +60,7 @@ class CouplingSection(Section):
     )
     surface: AnySurface | None = quantity(None, "the object's surface, in the place of the arc")
     guide: Literal["rail", "moving"] | None = quantity(
-        None, "along [reference.path]: rail to run on (default) or moving"
+        None, "along [reference.path]: rail to run on (default) or moving; a free object has no guide rows"
     )
     guide_radius: Positive = quantity(
         _surface.guide_radius, "radius of the circle that guides the object, without a path [m]"
@@ -83,8 +83,8 @@ class InitialSection(Section):
 
     x: Pair[Finite] = quantity(_start["x"], "midpoint of the axle [m]")
     y: Pair[Finite] = quantity(_start["y"], "midpoint of the axle [m]")
-    th: Pair[Finite] = quantity(_start["th"], "angle of the platform [rad]")
-    a1: Pair[Finite] = quantity(_start["a1"], "yaw of the arm [rad]")
+    th: Pair[Finite] = quantity(_start["th"], "angle of the platform, 0 where it faces along the world's y [rad]")
+    a1: Pair[Finite] = quantity(_start["a1"], "yaw of the arm, 0 ahead and pi/2 to the left [rad]")
     a2: Pair[Finite] = quantity(_start["a2"], "pitch of link 2 from the horizontal [rad]")
     a3: Pair[Finite] = quantity(_start["a3"], "pitch of link 3 from link 2 [rad]")
     steer: Pair[Finite] | None = quantity(
