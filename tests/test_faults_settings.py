@@ -119,6 +119,10 @@ DIGITS = "1" + "0" * 5000
             "simulate paper --gains.k0 -1 --gains.k1 -1 --plant.m-p 0",
             "plant.m_p: must be greater than 0, was 0 (wrong too: gains.k0)",
         ),
+        (
+            "init x.toml --scenario ellipse --reference.path.kind csv --reference.path.file 3",
+            "reference.path.file: must be a string, was 3",
+        ),
         ("simulate paper --tuning.bounds.k0 5", "tuning.bounds.k0: must be a list, was 5"),
         ("simulate paper --tuning.bounds.k0 1 2 3", "tuning.bounds.k0: must be a list of 2, was a list of 3"),
         ("simulate paper --plant.m-p 1 2 3", "plant.m_p: must be one number or a list of 2, was a list of 3"),

@@ -53,6 +53,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
 def _found_from_anywhere(changes: dict[str, Any]) -> dict[str, Any]:
     """Changes with the names of files as absolute paths: a scenario's own are looked for beside it."""
     return {
-        name: str(resolve_path(value, f"--{name}").absolute()) if name.endswith(".file") else value
+        name: str(resolve_path(value, f"--{name}").absolute())
+        if name.endswith(".file") and isinstance(value, str)
+        else value
         for name, value in changes.items()
     }

@@ -33,6 +33,8 @@ declare(
     )
 )  # fmt: skip
 
+_LATEST = 1e9  # [s] of a table, to either side: what is longer than any run and can still be squared
+
 
 class Course(Protocol):
     """A number over time."""
@@ -73,7 +75,7 @@ class Swing(NamedTuple):
 class Steps(NamedTuple):
     """Levels one after another: ``levels[0]``, then from ``times[k]`` on a smooth edge to ``levels[k + 1]``."""
 
-    times: Annotated[Vector, quantity("times at which the edges begin [s]")] = (5.0,)
+    times: Annotated[Vector, quantity("times at which the edges begin, rising [s]")] = (5.0,)
     levels: Annotated[Vector, quantity("levels, one more than there are times [N, m]")] = (15.0, 20.0)
     edge: Annotated[Scalar, quantity("duration of an edge [s]", above=0)] = 0.2
 
@@ -81,10 +83,12 @@ class Steps(NamedTuple):
         """Refuse numbers of levels and times that do not fit.
 
         Raises:
-            UserError: not one level more than there are times.
+            UserError: not one level more than there are times, or times that do not rise.
         """
         if len(self.levels) != len(self.times) + 1:
             raise UserError("levels", f"{len(self.times) + 1} of them, one more than times", len(self.levels))
+        if any(after <= before for before, after in itertools.pairwise(self.times)):
+            raise UserError("times", "rising from one to the next", list(self.times))
 
     def value(self, t: Scalar) -> Scalar:
         """Scalar at time t [s]."""
@@ -125,6 +129,8 @@ class Table(NamedTuple):
             raise UserError("values", f"two at least, as many as times ({len(times)})", len(values))
         if any(later <= before for before, later in itertools.pairwise(times)):
             raise UserError("times", "rising", times)
+        if not max(map(abs, times)) < _LATEST:
+            raise UserError("times", f"within {_LATEST:g} s of 0", times)
         fit = fits.table_fit(np.array(times), np.array(values), order)
         if fit.deviation > tolerance:
             must = f"enough for a deviation of {tolerance:g} at most (it is {fit.deviation:.3g})"

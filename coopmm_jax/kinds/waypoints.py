@@ -16,6 +16,7 @@ from coopmm_jax.kinds.registry import quantity, register
 
 _FEWEST = 4  # points
 _LEAST = 1e-9  # [m] from one point to the next
+_FARTHEST = 1e6  # [m] from the world's axes, where a millimetre is still told apart
 _DIGITS = 16  # of a SHA-256, enough to tell files apart
 _MUST = "a CSV file with two columns of numbers"
 
@@ -150,8 +151,13 @@ def _fitted(
     points: np.ndarray, closed: bool, order: int, tolerance: float, field: str
 ) -> tuple[Fourier | Chebyshev, float]:
     """Curve through points (n, 2), and its deviation [m]."""
-    if len(points) < _FEWEST or not np.isfinite(points).all():
-        raise UserError(field, f"{_FEWEST} points at least, all finite", f"{len(points)} points")
+    if len(points) < _FEWEST:
+        raise UserError(field, f"{_FEWEST} points at least", f"{len(points)}")
+    far = ~(np.abs(points) < _FARTHEST).all(axis=1)
+    if far.any():
+        x, y = points[far.argmax()]
+        must = f"of points within {_FARTHEST:g} m of the world's axes"
+        raise UserError(field, must, f"({x:g}, {y:g}) at point {far.argmax() + 1}")
     around = np.concatenate([points, points[:1]]) if closed else points
     if np.linalg.norm(np.diff(around, axis=0), axis=1).min() < _LEAST:
         raise UserError(

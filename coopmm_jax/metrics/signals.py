@@ -40,7 +40,7 @@ def _errors() -> Iterator[SignalAbout]:
         yield SignalAbout(f"position_error_{i}", "m", f"distance of (z2, z3) of {robot} from the desired ones")
         yield SignalAbout(f"arm_error_{i}", "rad", f"size of arm yaw a1 of {robot} less the desired one")
     yield SignalAbout("object_error", "m", "distance of the object from its desired point")
-    yield SignalAbout("relative_tip_error", "m", "distance of tip I from its desired point on the object's arc")
+    yield SignalAbout("relative_tip_error", "m", "distance of tip I from its desired point on the object's surface")
 
 
 def _by_entry() -> Iterator[SignalAbout]:

@@ -57,8 +57,8 @@ _TABLE = (
     *_of_error("position", "_2", "m", "(z2, z3) of robot II less the desired ones"),
     *_of_error("arm", "_1", "rad", "arm yaw a1 of robot I less the desired one"),
     *_of_error("arm", "_2", "rad", "arm yaw a1 of robot II less the desired one"),
-    *_of_error("object", "", "m", "object (tip II) less the desired point on its guide circle"),
-    *_of_error("relative_tip", "", "m", "tip I less the desired point on the object's arc, both seen from arm II"),
+    *_of_error("object", "", "m", "object (tip II) less the desired point on its circle or path"),
+    *_of_error("relative_tip", "", "m", "tip I less the desired point on the object's surface, both seen from arm II"),
     Metric("error_late", "rad, m", f"{_TRACKING}: largest, late", "tracking_squared", "root_max", LATE),
     Metric(
         "settling_time",

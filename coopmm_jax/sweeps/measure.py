@@ -30,7 +30,7 @@ POINTS = 400  # of a kept series, at most one more
 SERIES: dict[str, tuple[str, str]] = {
     "tracking_error": ("rad, m", "norm of all heading, position and arm errors"),
     "object_error": ("m", "distance of the object from its desired point"),
-    "relative_tip_error": ("m", "distance of tip I from its desired point on the object's arc"),
+    "relative_tip_error": ("m", "distance of tip I from its desired point on the object's surface"),
     "contact_force": ("N", "normal contact force"),
     "internal_force": ("N", "largest size of the other constraint forces"),
     "torque": ("N m", "largest size of the ten actuators' torques"),
