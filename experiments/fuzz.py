@@ -262,7 +262,7 @@ def nothing_computed() -> Iterator[None]:
     """Commands end where rollouts and figures would begin."""
     parser = cli._parser([])  # takes longer to make than most cases
     with contextlib.ExitStack() as stack:
-        for place, name in ((simulation, "_compiled"), (measure, "_run"), (evaluate, "_run"), (film, "Animation")):
+        for place, name in ((simulation, "_compiled"), (measure, "_run"), (evaluate, "run"), (film, "Animation")):
             stack.enter_context(mock.patch.object(place, name, _computes))
         silent = ((tune, "compile_ahead", None), (style, "publish", None), (cli, "_parser", parser))
         for place, name, found in silent:

@@ -28,7 +28,7 @@ from coopmm_jax.parameters import (
     Reference,
     Structure,
 )
-from coopmm_jax.proof import lyapunov
+from coopmm_jax.proof import lyapunov, margins
 from coopmm_jax.proof import terms as proof_terms
 from coopmm_jax.proof.steps import check_loop
 from tests.oracles import lagrangian
@@ -257,7 +257,27 @@ def test_analysis_works_under_the_command_lines_xla_options():
 from coopmm_jax import runtime
 assert runtime.use_fast_compilation()
 import doctest
+from coopmm_jax.proof import margins
 from coopmm_jax.proof import terms as proof_terms
 assert doctest.testmod(proof_terms).failed == 0
 """
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+
+def test_norms_and_solutions_of_many_matrices_are_lapacks():
+    """Those that a rollout's margins are computed with, which must not call LAPACK."""
+    rng = np.random.default_rng(3)
+    q = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    twin = q @ np.diag([3.0, 3.0, 3.0 - 1e-12, 1.0, 1e-9, 0.0]) @ q.T
+    matrices = np.stack([*rng.normal(size=(20, 6, 6)), twin, np.zeros((6, 6)), 1e-12 * twin, np.outer(q[0], q[1])])
+    np.testing.assert_allclose(margins._spectral(matrices), np.linalg.norm(matrices, 2, axis=(1, 2)), rtol=1e-14)
+
+    direction, step = rng.normal(size=matrices.shape), 1e-6
+    _, slope = jax.jvp(margins._spectral, (matrices[:20],), (direction[:20],))
+    moved = [np.linalg.norm(matrices[:20] + h * direction[:20], 2, axis=(1, 2)) for h in (step, -step)]
+    np.testing.assert_allclose(slope, (moved[0] - moved[1]) / (2.0 * step), rtol=1e-7)
+
+    positive = matrices @ np.swapaxes(matrices, 1, 2) + np.eye(6)
+    right = rng.normal(size=(len(matrices), 6))
+    expected = np.linalg.solve(positive, right[..., None])[..., 0]
+    np.testing.assert_allclose(margins._solve(positive, right), expected, rtol=1e-10, atol=1e-12)

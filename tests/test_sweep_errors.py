@@ -60,12 +60,16 @@ def test_a_corrupt_chunk_is_named_and_can_be_computed_again(sweep, thousand, tmp
     assert bits(sweep(24, out=store, resume=True)) == bits(thousand.isel(sample=slice(24)))
 
 
-def test_a_full_disk_loses_nothing(sweep, thousand, tmp_path):
+@pytest.mark.parametrize("growing", [True, False])
+def test_a_full_disk_loses_nothing(sweep, thousand, tmp_path, growing):
+    """Neither while the store grows, nor while a batch is written."""
     store = tmp_path / "sweep.zarr"
-    sweep(8, out=store)
+    sweep(8 if growing else 40, out=store)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     largest = max(path.stat().st_size for path in store.rglob("zarr.json") if path.parent != store)
     assert largest < chunk_file(store, "metrics", 0, 2).stat().st_size
+    if not growing:
+        chunk_file(store, "metrics", 1, 2).unlink()
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, limits[1]))  # no more than this into one file
     try:
         with pytest.raises(UserError, match=r"^out: must be a place with room .* \(File too large\); complete batches"):

@@ -90,7 +90,7 @@ def analyse_states(structure: Structure, parameters: Parameters, t: np.ndarray, 
     uncertainty = uncertainty_of(terms)
     c = bounds_at(np, terms, uncertainty, _spectral).max(axis=1)
     gamma, estimate_error = np.array(gains.gamma), terms.c_hat - c
-    left, right = sides(np, gains, terms, uncertainty, c)
+    left, right = sides(np, gains, terms, uncertainty, c, _solve)
     V2_rate = _dot(terms.sigma, terms.sigma_rate) + _dot(estimate_error / gamma, terms.c_hat_rate)
     return Analysis(
         t=np.asarray(t),
@@ -136,6 +136,11 @@ def _largest(t: np.ndarray, excess: np.ndarray) -> dict[str, float]:
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("ti,ti->t", a, b)
+
+
+def _solve(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """x (T, n) of M x = b, from M (T, n, n) and b (T, n)."""
+    return np.linalg.solve(matrices, right[..., None])[..., 0]
 
 
 def _spectral(matrices: np.ndarray) -> np.ndarray:

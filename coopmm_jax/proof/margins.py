@@ -6,9 +6,12 @@ has to be known: the rollout's states are kept, and looked at afterwards, at a f
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
+from coopmm_jax.algebra.matrix import Matrix, cholesky_solve
 from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics import partitioning
@@ -16,7 +19,7 @@ from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.robot_kinematics import unplaced
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.proof.steps import STEPS, bounds_at, check_loop, sides, uncertainty_of
-from coopmm_jax.proof.terms import evaluate
+from coopmm_jax.proof.terms import ProofTerms, evaluate
 
 # Signal of each step, and of the bound (40), whose excess is that of all steps.
 NAMES = (*(f"proof_{step.strip('()')}" for step in STEPS), "proof_40")
@@ -43,10 +46,16 @@ def margins(structure: Structure, parameters: Parameters, t: jax.Array, states: 
         UserError: a loop that the proof is not about.
     """
     check_loop(structure, parameters)
-    terms = jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), evaluate(structure, build_model(parameters), t, states))
+    model = build_model(parameters)
+
+    def terms_at(instant: tuple[Scalar, State]) -> ProofTerms:
+        one = jax.tree.map(lambda x: x[None], instant)
+        return jax.tree.map(lambda x: x[..., 0], evaluate(structure, model, *one))
+
+    terms = jax.lax.map(terms_at, (t, states))  # side by side they take XLA minutes to compile
     uncertainty = uncertainty_of(terms)
     c = jnp.max(bounds_at(jnp, terms, uncertainty, _spectral), axis=1)
-    left, right = sides(jnp, parameters.gains, terms, uncertainty, c)
+    left, right = sides(jnp, parameters.gains, terms, uncertainty, c, _solve)
     found = [right[step] - left[step] for step in STEPS]
     return dict(zip(NAMES, [*found, jnp.sum(jnp.stack(found), axis=0)], strict=True))
 
@@ -61,8 +70,35 @@ def instants(last: Scalar) -> tuple[jax.Array, jax.Array]:
     return jnp.minimum(stride * jnp.arange(INSTANTS, dtype=jnp.int32), last), stride
 
 
+# Not by LAPACK: of two batches at a time that call it, XLA's threads wait for each other for ever.
+def _solve(matrices: jax.Array, right: jax.Array) -> jax.Array:
+    """x (T, n) of M x = b, from positive definite M (T, n, n) and b (T, n)."""
+    n = range(right.shape[-1])
+    rows = Matrix([[matrices[:, i, j] for j in n] for i in n])
+    return jnp.stack(cholesky_solve(rows, [right[:, i] for i in n])[0], axis=-1)
+
+
 def _spectral(matrices: jax.Array) -> jax.Array:
-    """Norms (T,) of matrices (T, n, n), with a derivative where they vanish."""
-    square = jnp.linalg.eigvalsh(jnp.swapaxes(matrices, -1, -2) @ matrices)[..., -1]
-    positive = square > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+    """Norms (T,) of matrices (T, n, n), with a derivative where they vanish.
+
+    The largest eigenvalue of S = M^T M is tr(S P) of P = S^p / tr(S^p), p = 2^52; its derivative is that of S alone.
+    """
+    square = _product(jnp.swapaxes(matrices, -1, -2), matrices)
+    positive = _trace(square) > 0.0
+    first = jnp.where(positive[:, None, None], square, jnp.eye(square.shape[-1]))
+
+    def squared(_: Any, power: jax.Array) -> jax.Array:
+        power = _product(power, power)
+        return power / _trace(power)[:, None, None]
+
+    start = jax.lax.stop_gradient(first / _trace(first)[:, None, None])
+    projector = jax.lax.stop_gradient(jax.lax.fori_loop(0, 52, squared, start))
+    return jnp.where(positive, jnp.sqrt(_trace(_product(first, projector))), 0.0)
+
+
+def _product(left: jax.Array, right: jax.Array) -> jax.Array:
+    return jnp.sum(left[..., :, :, None] * right[..., None, :, :], axis=-2)
+
+
+def _trace(matrices: jax.Array) -> jax.Array:
+    return jnp.trace(matrices, axis1=-2, axis2=-1)

@@ -62,7 +62,9 @@ def bounds_at(xp: Any, terms: ProofTerms, uncertainty: Reduced, spectral: Callab
     return xp.stack([spectral(uncertainty.M), 0.0 * terms.speed, per_speed, gravity, terms.disturbance_size])
 
 
-def sides(xp: Any, gains: Gains, terms: ProofTerms, uncertainty: Reduced, c: Any) -> tuple[dict, dict]:
+def sides(
+    xp: Any, gains: Gains, terms: ProofTerms, uncertainty: Reduced, c: Any, solve: Callable[[Any, Any], Any]
+) -> tuple[dict, dict]:
     """Left and right sides (T,) of each of STEPS.
 
     Args:
@@ -71,9 +73,10 @@ def sides(xp: Any, gains: Gains, terms: ProofTerms, uncertainty: Reduced, c: Any
         terms: of the proof.
         uncertainty: of the model.
         c: bounds (5,).
+        solve: x (T, n) of M x = b, from M (T, n, n) and b (T, n).
     """
     gamma, c = xp.stack([xp.asarray(x) for x in gains.gamma])[None], c[None]
-    toward = xp.linalg.solve(terms.plant.M, terms.sigma[..., None])[..., 0]  # Mr^-1 sigma
+    toward = solve(terms.plant.M, terms.sigma)  # Mr^-1 sigma
     robust = xp.einsum("ti,tki->kt", toward, terms.robust)
     adaptation = ((terms.c_hat - c) / gamma * terms.c_hat_rate).T
     leak = terms.alpha[:, None] / gamma

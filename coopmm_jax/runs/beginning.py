@@ -26,7 +26,7 @@ def beginning(parameters: Parameters) -> Pair[Pose]:
     """
     with jax.enable_x64(True):
         poses = per_robot(
-            lambda aim, start: unchained(Position(aim.z1, aim.z2, aim.z3, aim.arm[0], start.a2, start.a3)),
+            lambda aim, start: Pose(*unchained(Position(aim.z1, aim.z2, aim.z3, aim.arm[0], start.a2, start.a3))),
             desired_motion(parameters.reference, 0.0),
             parameters.start,
         )

@@ -116,7 +116,8 @@ def sweep(
     store = _store(contents, path, samples, resume, share)
     with _going_again_if_empty(store, fresh), store.locked(share.rank):
         if share.rank == 0:
-            store.grow(samples or store.samples)
+            with _writing(store):
+                store.grow(samples or store.samples)
         _fill(store, variation, points, contents, share, places)
     return store.dataset()
 
@@ -235,7 +236,8 @@ def _fill(
             if indices(batch)[0] < contents.kept(store.samples):  # first, while another thread compiles what measures
                 rows |= measure.trace(structure, horizon, device, parameters)
             rows |= measure.measure(structure, horizon, device, parameters, sentences)._asdict()
-        _write(store, batch, rows)
+        with _writing(store):
+            store.write(batch, rows)
 
     done = (len(batches) - len(missing)) * contents.batch_size
     with tqdm(total=len(batches) * contents.batch_size, initial=done, unit="sample", disable=None) as bar:
@@ -243,9 +245,11 @@ def _fill(
             bar.update(contents.batch_size)
 
 
-def _write(store: SweepStore, batch: int, rows: dict[str, np.ndarray]) -> None:
+@contextlib.contextmanager
+def _writing(store: SweepStore) -> Iterator[None]:
+    """Say in one line where a store cannot be written."""
     try:
-        store.write(batch, rows)
+        yield
     except OSError as error:
         was = f"{store.path} ({error.strerror}); complete batches are safe, --resume goes on"
         raise UserError("out", "a place with room and permission to write", was) from None
