@@ -115,9 +115,16 @@ def test_a_pool_that_forks_is_refused():
         pass
 
 
+class Silent(SimpleHTTPRequestHandler):
+    """A server whose thread writes nothing into the output of the tests that follow."""
+
+    def log_message(self, *_):
+        pass
+
+
 def test_what_answers_and_is_no_scheduler_is_one_line(monkeypatch):
     monkeypatch.setattr(dask, "_PATIENCE", 5.0)
-    with HTTPServer(("127.0.0.1", 0), SimpleHTTPRequestHandler) as server:
+    with HTTPServer(("127.0.0.1", 0), Silent) as server:
         threading.Thread(target=server.handle_request, daemon=True).start()
         address = f"tcp://127.0.0.1:{server.server_port}"
         with pytest.raises(UserError, match="--dask: must be the address of a Dask scheduler"), dask.connected(address):
