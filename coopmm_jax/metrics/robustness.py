@@ -148,11 +148,15 @@ def _sliding(x: jax.Array, begin: Scalar, end: Scalar, larger: Callable) -> jax.
     def joined_bit(bit: jax.Array, carry: tuple) -> tuple:
         found, block, start = carry  # block: largest of 1, 2, 4, ... samples from each on
         used = (length >> bit) & 1
-        found = jnp.where(used == 1, larger(found, _shifted(block, start)), found)
+        found = jax.lax.cond(used == 1, lambda: larger(found, _shifted(block, start)), lambda: found)
         return found, larger(block, _shifted(block, 1 << bit)), start + (used << bit)
 
-    # A loop, as XLA would write its steps one into the other: two copies of each in the next, and so forth.
-    found, _, _ = jax.lax.fori_loop(0, (len(x) + 1).bit_length(), joined_bit, (jnp.full_like(x, -_FAR), x, begin))
+    def unless_past(bit: jax.Array, carry: tuple) -> tuple:
+        return jax.lax.cond(length >> bit > 0, joined_bit, lambda _, same: same, bit, carry)
+
+    # A loop, as XLA would write its steps one into the other: two copies of each in the next, and so forth. It has the
+    # steps of the longest window, since a loop of traced length has no gradient; most windows need few of them.
+    found, _, _ = jax.lax.fori_loop(0, (len(x) + 1).bit_length(), unless_past, (jnp.full_like(x, -_FAR), x, begin))
     return found
 
 
