@@ -1,6 +1,7 @@
 """The front between quality and effort, around closed-form costs in the place of rollouts."""
 
 import csv
+from dataclasses import replace
 
 import jax
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 from coopmm_jax.cli import main
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import load_scenario
+from tests.reading import Reading
 from tuning.cost import evaluate as batches
 from tuning.cost.objective import FAILED, TERMS
 from tuning.cost.problem import build_problem
@@ -150,7 +152,7 @@ def test_command_writes_gains_that_can_be_used_and_overwrites_nothing(rollouts, 
     path.write_text(scenario(budget=10.0).to_toml())
     assert main(["tune", str(path), "--pareto", "3", "--out", str(out)]) == 0
     names = {"front.csv", "front.txt", "front.png", "gains_01.toml", "gains_02.toml", "gains_03.toml"}
-    assert {file.name for file in out.iterdir()} == names
+    assert {file.name for file in out.iterdir()} == names | {"report.html", "page.json"}
     assert (out / "front.txt").read_text() in capsys.readouterr().out
     rows = list(csv.DictReader((out / "front.csv").read_text().splitlines()))
     assert [row["gains"] for row in rows] == ["start", "gains_01.toml", "gains_02.toml", "gains_03.toml"]
@@ -161,6 +163,22 @@ def test_command_writes_gains_that_can_be_used_and_overwrites_nothing(rollouts, 
     assert main(["tune", str(path), "--pareto", "3", "--out", str(out)]) == 2
     assert "--out: must be a place without results, or --resume or --overwrite given, was" in capsys.readouterr().err
     assert {file: file.read_bytes() for file in out.iterdir()} == before
+
+
+def test_the_page_has_the_front_its_figure_and_every_gain(tmp_path, capsys):
+    made = made_up()
+    evil = made.scenario.with_overrides({"description": "<script>alert(1)</script>"})
+    pareto_report.write_report(tmp_path, replace(made, scenario=evil))
+    text = (tmp_path / "report.html").read_text()
+    page = Reading(text)
+    assert "<script" not in text
+    assert page.pictures == 1
+    assert page.rows[1][:4] == ["start", "", "1", "1"]
+    assert page.rows[3] == ["gains_02.toml", "0.1", "0.5", "1.5", "0.5", "1.5", "yes"]
+    assert ["gamma", "", "1", "3", "5", "7", "9"] in page.rows
+    assert main(["report", str(tmp_path)]) == 0
+    assert (tmp_path / "report.html").read_text() == text
+    assert capsys.readouterr().out == f"written to {tmp_path / 'report.html'}\n"
 
 
 @pytest.mark.parametrize("over", ["time", "phase"])

@@ -1,6 +1,7 @@
 """Slopes of success probabilities against brute force: closed forms, moved limits, and sweeps with other gains."""
 
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy.stats import norm
 from coopmm_jax.cli import main
 from coopmm_jax.sweeps.slopes import ALL, Estimate, is_counted, slopes, weights
 from coopmm_jax.sweeps.statistics import outcomes, read_results
+from tests.reading import Reading
 
 
 def test_estimates_are_those_of_closed_forms():
@@ -79,6 +81,18 @@ def test_slopes_are_printed_and_kept(thousand, found, scenario, tmp_path, monkey
     with open("mine-report/slopes.csv") as file:
         rows = list(csv.DictReader(file))
     assert {row["number"] for row in rows} == {each.number for each in found}
+    report = Path("mine-report/report.html")
+    shown = {row[0] for row in Reading(report.read_text()).rows}
+    assert {row["number"] for row in rows if float(row["slope"])} <= shown
+    assert (
+        "coopmm sweep scenario.toml --samples 64 --sampling independent --keep 0 --batch 8 --slopes"
+        in report.read_text()
+    )
+    before = report.read_bytes()
+    assert main(["report", "mine.zarr"]) == 0
+    assert report.read_bytes() == before
+    assert main(["report", "mine.zarr", "--requirements.force-min", ">= 3"]) == 0
+    assert "Slopes" not in report.read_text()  # of the sweep's own requirements
     assert main(["sweep", "mine.toml", *small, "--out", "mine.zarr", "--resume"]) == 0
     assert not (tmp_path / "mine-report" / "slopes.csv").exists()  # the report may be of other samples
 

@@ -86,15 +86,29 @@ def report_folder(store: str | Path, option: str = "store") -> Path:
     return path.with_name(f"{path.name.removesuffix('.zarr')}-report")
 
 
-def publish_and_print(folder: Path, data: xarray.Dataset, scenario: Scenario | None = None) -> None:
-    """Write the report of a data set into a folder, print it, then draw its figures."""
+def publish_and_print(
+    folder: Path, data: xarray.Dataset, scenario: Scenario | None = None, slopes: bool | None = None
+) -> None:
+    """Write the report of a data set into a folder, print it, then draw its figures.
+
+    Args:
+        folder: of the report.
+        data: of the sweep.
+        scenario: with other requirements than the sweep's own.
+        slopes: True computes them and prints them too; False removes what an earlier sweep left; None shows those that
+            are there, if they are of these requirements.
+    """
     from coopmm_jax.plotting.style import publish  # imports matplotlib
-    from coopmm_jax.sweeps import page, report
+    from coopmm_jax.sweeps import page, report, slopes_table
     from coopmm_jax.sweeps.statistics import read_results
 
     results = read_results(data, scenario)
     with result_folder(folder) as hidden:
         report.write_numbers(hidden, results)
     print(report.text(results), flush=True)
+    if slopes:
+        slopes_table.compute_and_print(folder, results)
+    elif slopes is False:
+        (folder / slopes_table.FILE).unlink(missing_ok=True)  # of an earlier sweep, or of fewer samples
     publish(folder, report.drawings(data, results))
-    write_page(folder, page.page(results))
+    write_page(folder, page.page(results, slopes_table.read(folder, results)))

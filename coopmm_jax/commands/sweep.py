@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
@@ -18,8 +17,6 @@ from coopmm_jax.scenario.overrides import merged, read_toml
 from coopmm_jax.scenario.scenario import load_scenario
 
 if TYPE_CHECKING:
-    import xarray
-
     from coopmm_jax.commands import Subparsers
 
 _MOST_JOBS = 10_000
@@ -73,8 +70,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         return _write_jobs(options)
     if options.slopes and options.samples == 1:
         raise UserError("--samples", "at least 2 where --slopes is given", 1)
-    from coopmm_jax.sweeps import slopes_table  # imports JAX, as do the next two
-    from coopmm_jax.sweeps.processes import share
+    from coopmm_jax.sweeps.processes import share  # imports JAX, as does the next
     from coopmm_jax.sweeps.run import sweep
 
     folder = report_folder(options.out, "out")
@@ -87,25 +83,9 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     if missing:
         print(f"{missing} of {data.sizes['sample']} samples are left to other processes, or to --resume")
         return DONE
-    publish_and_print(folder, data)
-    if options.slopes:
-        _report_slopes(folder, data)
-    else:
-        (folder / slopes_table.FILE).unlink(missing_ok=True)  # of an earlier sweep, or of fewer samples
+    publish_and_print(folder, data, slopes=options.slopes)
     print(f"written to {options.out} and {folder}")
     return DONE
-
-
-def _report_slopes(folder: Path, data: xarray.Dataset) -> None:
-    """Print the slopes of a sweep and write them beside its report."""
-    from coopmm_jax.sweeps import slopes_table
-    from coopmm_jax.sweeps.slopes import slopes
-    from coopmm_jax.sweeps.statistics import read_results
-
-    results = read_results(data)
-    found = slopes(results)
-    slopes_table.write(folder, found)
-    print(f"\n{slopes_table.text(results, found)}")
 
 
 def _write_jobs(options: argparse.Namespace) -> int:

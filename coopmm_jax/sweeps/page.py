@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from coopmm_jax.page import Page, Picture, Table, Text
+from coopmm_jax.sweeps import slopes_table
+from coopmm_jax.sweeps.slopes import Slope
 from coopmm_jax.sweeps.statistics import (
     Results,
     damaged,
@@ -21,21 +23,27 @@ from coopmm_jax.sweeps.statistics import (
 _FAILED = 100  # samples that are listed; failed.csv has them all
 
 
-def page(results: Results) -> Page:
-    """Page of a sweep's results; its figures are those of ``report.drawings``."""
+def page(results: Results, slopes: Sequence[Slope] = ()) -> Page:
+    """Page of a sweep's results; its figures are those of ``report.drawings``.
+
+    Args:
+        results: of the sweep.
+        slopes: of its success probabilities, if they were asked for.
+    """
     attributes, settings = results.data.attrs, results.scenario.simulation
     options = {"samples": results.total, "sampling": attributes["sampling"]}
     options |= {name: attributes[name] for name in ("keep", "batch")}
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
-    again = shlex.join(["coopmm", "sweep", "scenario.toml", *words, "--out", "sweep.zarr"])
+    asked = ["--slopes"] if slopes else []
+    again = shlex.join(["coopmm", "sweep", "scenario.toml", *words, *asked, "--out", "sweep.zarr"])
     versions = {name: str(version) for name, version in json.loads(attributes["versions"]).items()}
     count = f"{len(results.index)} of {results.total} samples of {settings.duration:g} s, seed {settings.seed}"
     about = [results.scenario.description, count, *damaged(results.data)]
     title = f"Sweep: {results.scenario.description.partition(':')[0] or 'a scenario'}"
-    return Page(title, about, list(_parts(results)), results.scenario.to_toml(), versions, [again])
+    return Page(title, about, [*_parts(results, slopes)], results.scenario.to_toml(), versions, [again])
 
 
-def _parts(results: Results) -> Iterator[Table | Picture | Text]:
+def _parts(results: Results, slopes: Sequence[Slope]) -> Iterator[Table | Picture | Text]:
     if not results.completed.any():
         yield Text("All samples failed", ["None reached the end of its run, so there are no metrics to show."])
     rows = [
@@ -78,6 +86,9 @@ def _parts(results: Results) -> Iterator[Table | Picture | Text]:
         yield Table("What matters", header, matters)
     yield Picture("Rank correlations and their intervals", "importance.png")
     yield Picture("Where the worst samples lie in the ranges of what varies", "worst.png")
+    yield from slopes_table.tables(slopes)
+    if slopes and (lines := slopes_table.remarks(results)):
+        yield Text("Requirements without slopes", [line[0].upper() + line[1:] + "." for line in lines])
     failed = failures(results)
     listed = [
         (str(index), status, "" if time is None else f"{time:g}", "; ".join(broken))

@@ -26,6 +26,7 @@ from tuning.studies.margins import RISE
 _CAPTIONS = {
     "convergence": "Course of the search: cost of the best gains so far over simulated steps",
     "gains": "Tuned gains before and after",
+    "front": "Quality over effort: a point for each weight of effort, named by it; dominated ones are beaten in both",
     "costs": "Costs of all samples: under each set of gains against the first, and the ratio of both",
     "bands": "Median and middle 90 % of the samples over time, with the desired force and with limits",
     "requirements": "What is required, sample by sample: bars from 5 to 95 %, marks at medians, hatched beyond limits",
@@ -118,6 +119,52 @@ def compare_page(
     words = ["coopmm", "compare", *map(str, sources or labels), "--scenario", "scenario.toml"]
     words += ["--samples", str(compared.samples), "--out", "compared"]
     return Page("Comparison of gains", about, parts, compared.scenario.to_toml(), versions(), [shlex.join(words)])
+
+
+def front_page(front: Any, rows: Sequence[Mapping[str, Any]]) -> Page:
+    """Page of a front between quality and effort.
+
+    Args:
+        front: of ``tune_front``.
+        rows: of its table, the start first.
+    """
+    scenario, count = front.scenario, len(front.weights)
+    samples, duration = scenario.tuning.test_samples, scenario.simulation.duration
+    about = [scenario.description, f"{samples} samples of {duration:g} s by which no gains were chosen."]
+    about.append(
+        "Quality and effort are means over the samples: small is good, and about 1 under the scenario's gains."
+    )
+    marks = ("", "yes")
+    points = [
+        (
+            row["gains"],
+            weight_text(row),
+            *(f"{row[name]:.5g}" for name in ("quality", "effort")),
+            *(f"{row[f'validation_{name}']:.5g}" for name in ("quality", "effort")),
+            marks[row["dominated"]],
+        )
+        for row in rows
+    ]
+    header = ("gains", "weight of effort", "quality", "effort", "quality (validation)", "effort (validation)")
+    owners = entry_owners(scenario)
+    values = [
+        (label, owners.get(label.partition("@")[0], ""), *(f"{row[label]:.5g}" for row in rows))
+        for label in front.labels
+    ]
+    parts = [
+        Table("Quality and effort", (*header, "dominated"), points),
+        Picture(_CAPTIONS["front"], "front.png"),
+        Table("Gains", ("gain", "of", *(row["gains"].removesuffix(".toml") for row in rows)), values),
+    ]
+    commands = [f"coopmm tune scenario.toml --pareto {count} --out front"]
+    files = " ".join(f"front/{row['gains']}" for row in rows[1:])
+    commands.append(f"coopmm compare scenario {files} --scenario scenario.toml --out compared")
+    return Page("Front between quality and effort", about, parts, scenario.to_toml(), versions(), commands)
+
+
+def weight_text(row: Mapping[str, Any]) -> str:
+    """Weight of effort of a row of the front, for a reader; none of the start."""
+    return "" if row["weight"] == "" else f"{row['weight']:.4g}"
 
 
 def falsify_page(found: Any, random: np.ndarray | None, scenario: Scenario, file: str) -> Page:

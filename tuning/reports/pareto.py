@@ -2,7 +2,7 @@
 
     coopmm tune sensed --pareto 5 --out front
 
-prints ``table`` and writes front.txt, front.csv, front.png and gains_01.toml, gains_02.toml, ...
+prints ``table`` and writes front.txt, front.csv, front.png, report.html and gains_01.toml, gains_02.toml, ...
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.files import write_csv, write_text
-from coopmm_jax.plotting.style import GivenAxes, legend, panels, pen, publish, styled
+from coopmm_jax.page import keep_page, write_page
+from coopmm_jax.plotting.style import GivenAxes, legend, panels, pen, plain_numbers, publish, styled
 from coopmm_jax.scenario.gains_file import gains_text
 from tuning.cost.objective import FAILED
+from tuning.reports.pages import front_page, weight_text
 from tuning.studies.pareto import Front
 
 TABLE = "front.csv"
@@ -31,13 +33,16 @@ def clear(folder: Path) -> None:
 
 
 def write_report(folder: Path, front: Front) -> None:
-    """Write front.txt, front.csv, front.png and a gains file for each weighting."""
+    """Write a gains file for each weighting, front.txt, front.csv and front.png, and report.html with its page.json."""
     for name, gains, schedule in zip(_names(front)[1:], front.gains, front.schedules, strict=True):
         write_text(folder / name, gains_text(gains, schedule))
     write_text(folder / "front.txt", table(front))
     rows = _rows(front)
     write_csv(folder / TABLE, list(rows[0]), (row.values() for row in rows))
     publish(folder, {"front.png": lambda: picture(front)})
+    page = front_page(front, rows)
+    keep_page(folder, page)
+    write_page(folder, page)
 
 
 def table(front: Front) -> str:
@@ -46,7 +51,7 @@ def table(front: Front) -> str:
     lines = [f"{samples} untouched samples of {duration:g} s; small is good, about 1 under the scenario's gains", ""]
     lines.append(f"{'':14} {'weight of effort':>16} {'quality':>12} {'effort':>12}")
     for row in _rows(front):
-        weight = "" if row["weight"] == "" else f"{row['weight']:.4g}"
+        weight = weight_text(row)
         remark = "   dominated" if row["dominated"] else ""
         lines.append(f"{row['gains']:14} {weight:>16} {row['quality']:12.5g} {row['effort']:12.5g}{remark}")
     return "\n".join(lines) + "\n"
@@ -73,6 +78,8 @@ def picture(front: Front, axes: GivenAxes = None) -> Figure:
     panel.plot(*front.points[0, ::-1], "s", color=pen(4)["color"], markersize=7, label="scenario's gains")
     _name_points(panel, front)
     panel.set(xscale="log", yscale="log", xlabel="effort [-]", ylabel="quality: errors of tracking and force [-]")
+    plain_numbers(panel.xaxis)
+    plain_numbers(panel.yaxis)
     legend(panel)
     return figure
 
