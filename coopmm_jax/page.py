@@ -22,7 +22,7 @@ from coopmm_jax.files import read_json, write_json, write_text
 
 REPORT, CONTENT = "report.html", "page.json"
 _LONG = 40  # characters of a cell that reads like a sentence
-_NUMBER = re.compile(r"[-+]?(\d|\.\d|inf|nan).*")
+_NUMBER = re.compile(r"[-+]?(\d|\.\d|(inf|nan)\b)[^_]*")  # with what may follow it, as " of 3"; no file's name
 _STYLE = """
 body { font: 16px/1.45 system-ui, sans-serif; color: #222; background: #fff }
 body { max-width: 60rem; margin: 0 auto; padding: 1rem; overflow-wrap: break-word }

@@ -8,13 +8,16 @@ import pytest
 
 from coopmm_jax import cli
 from coopmm_jax.parameters import PhaseSchedule
+from coopmm_jax.runs.course import Course
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.variation import vary
+from coopmm_jax.status import Status
 from tests import falsify_results
 from tests.reading import Reading
 from tuning.cost import evaluate as batches
 from tuning.cost.objective import FAILED, TERMS
 from tuning.cost.problem import build_problem
+from tuning.reports import worst
 from tuning.search.ascent import LADDER, ascend
 from tuning.studies import falsify
 
@@ -127,7 +130,12 @@ def failing(monkeypatch):
     def heaviest(samples):
         return jax.tree.unflatten(samples.structure, list(samples.rows.T)).plant.inertia[0].m_p
 
+    def course(scenario, names):
+        t = np.linspace(0.0, scenario.simulation.duration, 31)
+        return Course(t, dict.fromkeys(names, 1.0 + t), Status.OK)
+
     monkeypatch.setattr(batches, "evaluate", evaluate)
+    monkeypatch.setattr(worst, "course", course)
 
 
 def test_a_rollout_that_fails_is_worst_of_all_and_ends_the_search(failing):
@@ -188,6 +196,8 @@ def test_command_prints_numbers_and_writes_the_scenario(failing, tmp_path, capsy
     assert "random samples: " in text
     page = Reading(out.with_suffix(".html").read_text())
     assert ["plant.m_p", "4", "4.8"] in page.rows
+    assert page.pictures == 1
+    assert "--rollouts 60 --starts 32" in page.text
     assert len([row for row in page.rows if "random samples" in row[0]]) == 1
     rows = list(csv.DictReader(out.with_suffix(".csv").read_text().splitlines()))
     assert ("plant.m_p", "4.0") in [(row["number"], row["scenario"]) for row in rows]

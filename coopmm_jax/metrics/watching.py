@@ -132,14 +132,14 @@ def finish(
         temperature: over how large a difference in units of a sentence's scale its extremes are smooth; left out, they
             are exact.
     """
-    found, signals = {}, _with_proof(at_end, kept, ran)
+    found, signals = {}, signals_kept(at_end, kept, ran)
     for (name, form), known, numbers in zip(sentences.forms, at_end.watched, sentences.numbers, strict=True):
         value = monitor.robustness_of(form, known) if known else _from_samples(form, numbers, signals, ran, temperature)
         found[name] = jnp.where(ran.complete, value, stand_in(ran.survived) * numbers.scale)
     return found
 
 
-def _with_proof(at_end: Watching, kept: Any, ran: Ran) -> dict[str, jax.Array]:
+def signals_kept(at_end: Watching, kept: Any, ran: Ran) -> dict[str, jax.Array]:
     """Signals (N,) that were kept, and those of the proof, each of which stays until the next instant looked at."""
     if kept is None:
         return {}

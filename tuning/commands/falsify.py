@@ -11,13 +11,15 @@ from coopmm_jax.commands import DONE
 from coopmm_jax.commands.fields import OVERRIDES
 from coopmm_jax.commands.options import add_dask, add_gains_file, add_overwrite, check_out, with_gains, workers
 from coopmm_jax.errors import UserError
-from coopmm_jax.files import resolve_path, result_folder, write_csv, write_text
-from coopmm_jax.page import keep_page, write_page
+from coopmm_jax.files import resolve_path, result_folder
 from coopmm_jax.scenario.scenario import load_scenario
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from coopmm_jax.commands import Subparsers
     from coopmm_jax.scenario.scenario import Scenario
+    from tuning.studies.falsify import Falsification
 
 
 def add(commands: Subparsers) -> None:
@@ -77,32 +79,36 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
         return _modes(options, load_scenario(options.scenario, **changes))
     path = None if options.out is None else _new_file(options)
     scenario = load_scenario(options.scenario, **changes)
-    from coopmm_jax.sweeps.engine import carried_by  # imports JAX, as do the next
+    from tuning.reports.worst import write_page_with_figure, write_results  # imports JAX, as does the next
+    from tuning.studies.falsify import table
+
+    with nullcontext() if path is None else result_folder(path.parent) as folder:
+        found, random = _search(options, scenario)
+        if folder is not None and path is not None:
+            write_results(folder, path.name, found, random, scenario, (options.rollouts, options.starts))
+    print(table(found, random), end="", flush=True)
+    if path is not None:
+        write_page_with_figure(path, found, scenario)
+        print(f"written to {options.out}; look at it by coopmm simulate {options.out}")
+    return DONE
+
+
+def _search(options: argparse.Namespace, scenario: Scenario) -> tuple[Falsification, np.ndarray | None]:
+    """The sample found, and costs of random samples, if they are asked for."""
+    from coopmm_jax.sweeps.engine import carried_by
     from tuning.cost.problem import build_problem, check_count, unscaled
-    from tuning.reports.pages import falsify_page
-    from tuning.studies.falsify import falsify, random_costs, requirement_of, table
+    from tuning.studies.falsify import falsify, random_costs, requirement_of
 
     check_count(options.starts, "starts")
     if options.compare_random:
         check_count(options.compare_random, "--compare-random")
     broken = None if options.requirement is None else requirement_of(scenario, options.requirement)
-    with nullcontext() if path is None else result_folder(path.parent) as folder:
-        with workers(options) as executor, carried_by(executor):
-            problem = build_problem(scenario) if broken is None else unscaled(scenario)
-            found = falsify(scenario, options.rollouts, options.starts, problem, requirement=options.requirement)
-            count = options.compare_random or found.rollouts
-            random = None if options.compare_random is None else random_costs(problem, count, broken)
-        if folder is not None and path is not None:
-            write_text(folder / path.name, found.scenario.to_toml())
-            numbers = ([name, found.nominal[name], value] for name, value in found.numbers.items())
-            write_csv(folder / path.with_suffix(".csv").name, ["number", "scenario", "found"], numbers)
-            page = falsify_page(found, random, scenario, path.name)
-            keep_page(folder, page, path.with_suffix(".json").name)
-            write_page(folder, page, path.with_suffix(".html").name)
-    print(table(found, random), end="")
-    if path is not None:
-        print(f"written to {options.out}; look at it by coopmm simulate {options.out}")
-    return DONE
+    with workers(options) as executor, carried_by(executor):
+        problem = build_problem(scenario) if broken is None else unscaled(scenario)
+        found = falsify(scenario, options.rollouts, options.starts, problem, requirement=options.requirement)
+        if options.compare_random is None:
+            return found, None
+        return found, random_costs(problem, options.compare_random or found.rollouts, broken)
 
 
 def _modes(options: argparse.Namespace, scenario: Scenario) -> int:
@@ -119,7 +125,7 @@ def _modes(options: argparse.Namespace, scenario: Scenario) -> int:
         with workers(options) as executor:
             found = modes(scenario, options.modes, options.requirement, options.rollouts, options.starts, executor)
         if folder is not None and found.found:
-            write_report(folder, found, scenario, options.rollouts)
+            write_report(folder, found, scenario, (options.rollouts, options.starts))
     print(table(found), end="")
     if target is not None and found.found:
         print(f"written to {options.out}; try other gains on them by coopmm check {options.out} --gains-file GAINS")
@@ -130,6 +136,6 @@ def _new_file(options: argparse.Namespace) -> Path:
     path = resolve_path(options.out, "--out")
     if path.suffix != ".toml":
         raise UserError("--out", "a .toml file", options.out)
-    for written in (path, *(path.with_suffix(suffix) for suffix in (".html", ".csv", ".json"))):
+    for written in (path, *(path.with_suffix(suffix) for suffix in (".html", ".csv", ".json", ".png"))):
         check_out(options, written, file=True)
     return path

@@ -6,20 +6,22 @@ from pathlib import Path
 
 from coopmm_jax.files import write_csv, write_text
 from coopmm_jax.page import keep_page, write_page
+from coopmm_jax.plotting.style import publish
 from coopmm_jax.scenario.scenario import Scenario
 from tuning.reports.pages import modes_page
+from tuning.reports.worst import drawings
 from tuning.studies.falsify import said
 from tuning.studies.modes import Modes
 
 
-def write_report(folder: Path, modes: Modes, scenario: Scenario, rollouts: int) -> None:
-    """Write a scenario file of each failure, failures.csv, and report.html with page.json behind it.
+def write_report(folder: Path, modes: Modes, scenario: Scenario, budget: tuple[int, int]) -> None:
+    """Write a scenario file of each failure, failures.csv, a figure of each, and report.html with page.json.
 
     Args:
         folder: of the results.
         modes: the failures, at least one.
         scenario: that was searched.
-        rollouts: budget for each requirement.
+        budget: rollouts for each requirement, and starts.
     """
     names = files(modes)
     rows = []
@@ -30,7 +32,9 @@ def write_report(folder: Path, modes: Modes, scenario: Scenario, rollouts: int) 
         rows.append([name, requirement and requirement.metric, robustness, " ".join(broken), *found.numbers.values()])
     header = ["file", "climbed_against", "robustness", "broken", *modes.found[0].numbers]
     write_csv(folder / "failures.csv", header, rows)
-    page = modes_page(modes, names, scenario, rollouts)
+    drawn = drawings(modes.found, scenario)
+    publish(folder, {Path(name).with_suffix(".png").name: draw for name, draw in zip(names, drawn, strict=True)})
+    page = modes_page(modes, names, scenario, budget)
     keep_page(folder, page)
     write_page(folder, page)
 
@@ -52,5 +56,5 @@ def table(modes: Modes) -> str:
         outcome = said(found.requirement, found.cost) if found.requirement else ""
         also = [each for each in broken if found.requirement and each != found.requirement.metric]
         lines.append(f"{name.removesuffix('.toml')}: {outcome}{', also ' + ', '.join(also) if also else ''}")
-        lines += [f"    {number} {value:.6g}" for number, value in found.numbers.items()]
+        lines += [f"    {number} {round(value, 12):.6g}" for number, value in found.numbers.items()]
     return "\n".join([*lines, f"{len(modes.found)} different failures ({spent})"]) + "\n"

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from coopmm_jax.page import Page, Picture, Table, Text, keep_page, write_page
 from coopmm_jax.plotting.style import publish
 from coopmm_jax.scenario.scenario import Scenario
+from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.software import versions
 from coopmm_jax.sweeps.intervals import Interval, success
 from tuning.cost.objective import FAILED
@@ -167,7 +168,7 @@ def weight_text(row: Mapping[str, Any]) -> str:
     return "" if row["weight"] == "" else f"{row['weight']:.4g}"
 
 
-def falsify_page(found: Any, random: np.ndarray | None, scenario: Scenario, file: str) -> Page:
+def falsify_page(found: Any, random: np.ndarray | None, scenario: Scenario, file: str, budget: tuple[int, int]) -> Page:
     """Page of a search for the worst sample.
 
     Args:
@@ -175,6 +176,7 @@ def falsify_page(found: Any, random: np.ndarray | None, scenario: Scenario, file
         random: costs (N,) of random samples, if there are any to compare with.
         scenario: that was searched.
         file: name of the scenario file of the sample.
+        budget: rollouts and starts of the search.
     """
     rows = [("sample found", _height(found, found.cost)), ("scenario itself", _height(found, found.nominal_cost))]
     if random is not None:
@@ -182,39 +184,51 @@ def falsify_page(found: Any, random: np.ndarray | None, scenario: Scenario, file
         worst = f"{failures} fail" if failures else _height(found, float(np.max(random)))
         rows.append((f"worst of {len(random)} random samples", worst))
     climbed = ("Costs", "cost") if found.requirement is None else ("Robustness", str(found.requirement))
-    numbers = [(name, f"{found.nominal[name]:.6g}", f"{value:.6g}") for name, value in found.numbers.items()]
+    numbers = [(name, f"{found.nominal[name]:.6g}", f"{round(value, 12):.6g}") for name, value in found.numbers.items()]
     parts = [
         Table(climbed[0], ("", climbed[1]), rows),
+        Picture(_over_time(found.requirement), Path(file).with_suffix(".png").name),
         Table("Numbers that vary", ("number", "scenario", "found"), numbers),
     ]
     about = [scenario.description, f"{found.rollouts} rollouts, {found.steps} steps. The sample is in {file}."]
     chosen = "" if found.requirement is None else f" --requirement {found.requirement.metric}"
-    search = f"coopmm falsify scenario.toml{chosen} --rollouts {found.rollouts} --out worst.toml"
+    search = f"coopmm falsify scenario.toml{chosen} {_spending(budget)} --out worst.toml"
     commands = [search, f"coopmm simulate {file}"]
     return Page("The sample that hurts most", about, parts, scenario.to_toml(), versions(), commands)
 
 
-def modes_page(modes: Any, files: Sequence[str], scenario: Scenario, rollouts: int) -> Page:
+def modes_page(modes: Any, files: Sequence[str], scenario: Scenario, budget: tuple[int, int]) -> Page:
     """Page of a search for different failures.
 
     Args:
         modes: the failures.
         files: names of their scenario files.
         scenario: that was searched.
-        rollouts: budget for each requirement.
+        budget: rollouts for each requirement, and starts.
     """
     names = list(modes.found[0].numbers)
     nominal = (f"{modes.found[0].nominal[name]:.6g}" for name in names)
     rows = [("scenario itself", "", "", *nominal)]
     for file, found, broken in zip(files, modes.found, modes.broken, strict=True):
-        values = (f"{found.numbers[name]:.6g}" for name in names)
+        values = (f"{round(found.numbers[name], 12):.6g}" for name in names)
         rows.append((file, said(found.requirement, found.cost), ", ".join(broken), *values))
-    parts = [Table("Failures", ("file", "climbed against", "broken in all", *names), rows)]
+    parts: list[Table | Picture] = [Table("Failures", ("file", "climbed against", "broken in all", *names), rows)]
+    for file, found in zip(files, modes.found, strict=True):
+        parts.append(Picture(f"{file}: {_over_time(found.requirement)}", Path(file).with_suffix(".png").name))
     about = [scenario.description, f"{modes.rollouts} rollouts, against {', '.join(map(str, modes.searched))}."]
     chosen = f"--requirement {modes.searched[0].metric} " if len(modes.searched) == 1 else ""
-    search = f"coopmm falsify scenario.toml {chosen}--modes {len(files)} --rollouts {rollouts} --out failures"
+    search = f"coopmm falsify scenario.toml {chosen}--modes {len(files)} {_spending(budget)} --out failures"
     commands = [search, "coopmm check failures --gains-file tuned"]
     return Page("Different failures", about, parts, scenario.to_toml(), versions(), commands)
+
+
+def _spending(budget: tuple[int, int]) -> str:
+    return f"--rollouts {budget[0]} --starts {budget[1]}"
+
+
+def _over_time(requirement: Requirement | None) -> str:
+    about = "What the cost is about" if requirement is None else f"What is required by {requirement}"
+    return f"{about}, over time: in the sample found, and in the scenario itself"
 
 
 def _height(found: Any, height: float) -> str:
