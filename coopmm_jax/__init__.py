@@ -18,9 +18,9 @@ from coopmm_jax import runtime
 if TYPE_CHECKING:  # for editors; at run time ``__getattr__`` fetches each of them from the same place
     from coopmm_jax.animation.film import animate
     from coopmm_jax.errors import UserError
+    from coopmm_jax.kinds.plugins import load_plugin
     from coopmm_jax.kinds.registry import quantity, register
     from coopmm_jax.plotting import overview
-    from coopmm_jax.plugins import load_plugin
     from coopmm_jax.runs.simulation import simulate
     from coopmm_jax.runs.store import read_run
     from coopmm_jax.runs.trajectory import Trajectory
@@ -64,7 +64,7 @@ _MODULE_OF = {
     "UserError": "errors",
     "animate": "animation.film",
     "list_scenarios": "scenario.scenario",
-    "load_plugin": "plugins",
+    "load_plugin": "kinds.plugins",
     "load_scenario": "scenario.scenario",
     "open_sweep": "sweeps.store",
     "overview": "plotting",

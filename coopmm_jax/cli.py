@@ -22,7 +22,7 @@ from types import ModuleType
 from typing import NoReturn
 
 import coopmm_jax
-from coopmm_jax import plugins, runtime, terminal
+from coopmm_jax import runtime, terminal
 from coopmm_jax.commands import (
     BAD_INPUT,
     animate,
@@ -39,6 +39,7 @@ from coopmm_jax.commands import (
 from coopmm_jax.commands.completion import SHELLS, PrintCompletion
 from coopmm_jax.commands.fields import takes_names
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds import plugins
 from coopmm_jax.scenario import overrides
 from coopmm_jax.scenario.validation import closest
 

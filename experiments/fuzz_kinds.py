@@ -25,9 +25,9 @@ from typing import Any, NamedTuple, get_args, get_origin
 import jax
 import numpy as np
 
-from coopmm_jax import plugins, runtime
+from coopmm_jax import runtime
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds import registry
+from coopmm_jax.kinds import plugins, registry
 from coopmm_jax.kinds.registry import MISSING, Field
 from coopmm_jax.metrics.table import LATE, METRICS
 from coopmm_jax.scenario.feasible import check_reference

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax import plugins
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds import registry
+from coopmm_jax.kinds import plugins, registry
 from tests import plugin_page
 from tests.test_readme import carried_out, commands
 

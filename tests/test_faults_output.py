@@ -179,5 +179,5 @@ def test_a_checkout_runs_without_being_installed(tmp_path):
     explained = run("-OO", "-m", "coopmm_jax.cli", "simulate", "--help")
     assert explained.returncode == 0
     assert "[plant]:" in explained.stdout
-    asked = run("-c", "from coopmm_jax.software import versions; print(versions()['coopmm_jax'])")
+    asked = run("-c", "from coopmm_jax.kinds.software import versions; print(versions()['coopmm_jax'])")
     assert asked.stdout == f"{coopmm_jax.__version__}\n"

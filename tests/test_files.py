@@ -22,7 +22,7 @@ from coopmm_jax.files import (
     write_npz,
     write_text,
 )
-from coopmm_jax.software import versions
+from coopmm_jax.kinds.software import versions
 
 
 def test_new_folder_appears_whole_with_its_parents(tmp_path):

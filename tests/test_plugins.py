@@ -13,15 +13,14 @@ import numpy as np
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax import plugins
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds import metrics, registry
+from coopmm_jax.kinds import metrics, plugins, registry
+from coopmm_jax.kinds.software import check_plugins, versions
 from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.table import check_finite as check_metrics
 from coopmm_jax.parameters import Gains
 from coopmm_jax.scenario.gains_file import gains_text, read_gains
-from coopmm_jax.software import check_plugins, versions
 from tests import plugin_page
 from tests.test_readme import blocks, carried_out, commands
 from tuning.cost.objective import TERMS, Objective

@@ -9,13 +9,13 @@ import pytest
 
 from coopmm_jax.cli import main
 from coopmm_jax.commands import fields
-from coopmm_jax.metrics.signals import SIGNALS
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.scenario import catalogue
 from coopmm_jax.scenario.commented import commented
 from coopmm_jax.scenario.places import names
 from coopmm_jax.scenario.scenario import Scenario, load_scenario, shipped
 from coopmm_jax.scenario.sections.uncertainty import shapes
+from coopmm_jax.temporal_logic.signals import SIGNALS
 from tests.test_cli import IN_BRACKETS
 
 QUICK = (["scenarios"], ["scenarios", "sensed"], ["metrics"], ["help"], ["help", "loop", "--scenario", "sensed"])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.metrics import monitor
-from coopmm_jax.metrics.grammar import LONGEST, read
-from coopmm_jax.metrics.robustness import robustness
-from coopmm_jax.metrics.sentence import signals_of
+from coopmm_jax.temporal_logic import monitor
+from coopmm_jax.temporal_logic.grammar import LONGEST, read
+from coopmm_jax.temporal_logic.robustness import robustness
+from coopmm_jax.temporal_logic.sentence import signals_of
 from tests.oracles import temporal_logic
 
 COUNT, LAST, STEP = 14, 11, 0.5  # samples that there is room for, the last of the run, [s]

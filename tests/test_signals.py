@@ -12,13 +12,13 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import registry
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.metrics import observer
-from coopmm_jax.metrics.grammar import read
 from coopmm_jax.metrics.sample import Sample, no_past, past_after, quantities
-from coopmm_jax.metrics.sentence import Numbers, Sentences
 from coopmm_jax.metrics.signal_values import signal_values
-from coopmm_jax.metrics.signals import AFTERWARDS, SIGNALS
 from coopmm_jax.metrics.table import METRICS, registered
 from coopmm_jax.parameters import Parameters, Reference, Structure
+from coopmm_jax.temporal_logic.grammar import read
+from coopmm_jax.temporal_logic.sentence import Numbers, Sentences
+from coopmm_jax.temporal_logic.signals import AFTERWARDS, SIGNALS
 from tests.oracles import control_law
 
 KNOWN = [name for name in SIGNALS if name not in AFTERWARDS]

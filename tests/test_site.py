@@ -15,11 +15,11 @@ import coopmm_jax
 import tuning
 from coopmm_jax import cli
 from coopmm_jax.kinds import cost_terms
-from coopmm_jax.metrics.signals import SIGNALS
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.scenario import catalogue
 from coopmm_jax.scenario.scenario import shipped
 from coopmm_jax.scenario.sections.uncertainty import shapes
+from coopmm_jax.temporal_logic.signals import SIGNALS
 from experiments.site import tutorials
 
 ROOT = Path(__file__).parent.parent

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.commands import DONE
-from coopmm_jax.metrics.signals import SIGNALS, SignalAbout
 from coopmm_jax.metrics.table import METRICS, Metric
+from coopmm_jax.temporal_logic.signals import SIGNALS, SignalAbout
 
 if TYPE_CHECKING:
     from coopmm_jax.commands import Subparsers

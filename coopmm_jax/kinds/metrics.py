@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from coopmm_jax.kinds.registry import Attribute, Group, Method, declare
+from coopmm_jax.kinds.registry import Attribute, Group, Kind, Method, declare, known
 
 WHOLE, LATE = "whole", "late"
 # How a quantity of all samples becomes one number; ``metrics/observer.py`` computes them.
@@ -26,3 +26,8 @@ declare(
         ),
     )
 )
+
+
+def of_plugins() -> dict[str, Kind]:
+    """Metrics that plugins have registered, by name."""
+    return {name: kind for name, kind in known("metric").items() if kind.plugin}

@@ -18,15 +18,16 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.types import Bool, PyTree, Scalar
+from coopmm_jax.kinds.metrics import of_plugins
 from coopmm_jax.kinds.probe import number_of
 from coopmm_jax.loop.rollout import Observer
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.metrics import watching
 from coopmm_jax.metrics.sample import ENTRIES, Past, Sample, no_past, past_after, quantities, root
-from coopmm_jax.metrics.sentence import NO_SENTENCES, Sentences
-from coopmm_jax.metrics.table import LATE, LATE_FROM, METRICS, WHOLE, Metric, of_plugins
+from coopmm_jax.metrics.table import LATE, LATE_FROM, METRICS, WHOLE, Metric
 from coopmm_jax.metrics.watching import Watching
 from coopmm_jax.parameters import Parameters, Structure
+from coopmm_jax.temporal_logic.sentence import NO_SENTENCES, Sentences
 
 
 class Accumulation(NamedTuple):

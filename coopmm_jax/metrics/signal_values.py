@@ -1,4 +1,4 @@
-"""Values of signals at one sample, as ``metrics/signals.py`` describes them."""
+"""Values of signals at one sample, as ``temporal_logic/signals.py`` describes them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.sincos import wrapped
 from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.control.reference import AnyReference, at_instant, desired_force, desired_motion
+from coopmm_jax.kinds.metrics import of_plugins
 from coopmm_jax.kinds.probe import number_of
 from coopmm_jax.kinds.signals import added
 from coopmm_jax.metrics.sample import Sample, root
-from coopmm_jax.metrics.signals import ACTUATORS, BUILT_IN, RATES
-from coopmm_jax.metrics.table import of_plugins
+from coopmm_jax.temporal_logic.signals import ACTUATORS, BUILT_IN, RATES
 
 
 def signal_values(sample: Sample, names: Iterable[str]) -> dict[str, Scalar]:

@@ -14,8 +14,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.metrics import LATE, WHOLE
-from coopmm_jax.kinds.registry import Kind, known, register_constants
+from coopmm_jax.kinds.metrics import LATE, WHOLE, of_plugins
+from coopmm_jax.kinds.registry import known, register_constants
 from coopmm_jax.kinds.signals import added
 
 LATE_FROM = 0.75  # the late window begins with the sample nearest to this fraction of the horizon
@@ -245,11 +245,6 @@ def check_finite(values: Mapping[str, Any], completed: Any, sentences: Iterable[
         for value, whole in zip(values[name].ravel().tolist(), completed.ravel().tolist(), strict=True):
             if whole and not math.isfinite(value):
                 raise UserError(label, "finite in every rollout that completes", value)
-
-
-def of_plugins() -> dict[str, Kind]:
-    """Metrics that plugins have registered, by name."""
-    return {name: kind for name, kind in known("metric").items() if kind.plugin}
 
 
 def as_text(value: float, form: str) -> str:

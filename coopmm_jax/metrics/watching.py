@@ -1,7 +1,7 @@
 """Sentences along a rollout: what is gathered of them in its scan, and their robustness at its end.
 
 >>> import jax.numpy as jnp
->>> from coopmm_jax.metrics.grammar import read
+>>> from coopmm_jax.temporal_logic.grammar import read
 >>> sentence = read("always contact_force >= 5")
 >>> sentences = Sentences((("keeps_pressing", sentence.form),), (Numbers(sentence.numbers, sentence.scale),))
 >>> names_kept(sentences, smoothly=False), names_kept(sentences, smoothly=True)
@@ -19,15 +19,15 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.types import Bool, PyTree, Scalar
 from coopmm_jax.loop.start import initial_state
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.metrics import monitor
-from coopmm_jax.metrics.robustness import robustness
 from coopmm_jax.metrics.sample import Sample
-from coopmm_jax.metrics.sentence import Numbers, Sentences, signals_of, stand_in
 from coopmm_jax.metrics.signal_values import signal_values
-from coopmm_jax.metrics.signals import AFTERWARDS
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.proof.margins import instants, margins, state_of
 from coopmm_jax.proof.steps import check_loop
+from coopmm_jax.temporal_logic import monitor
+from coopmm_jax.temporal_logic.robustness import robustness
+from coopmm_jax.temporal_logic.sentence import Numbers, Sentences, signals_of, stand_in
+from coopmm_jax.temporal_logic.signals import AFTERWARDS
 
 
 class Ran(NamedTuple):

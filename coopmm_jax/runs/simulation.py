@@ -22,7 +22,6 @@ from coopmm_jax.mechanics.robot import CHAINED, per_robot
 from coopmm_jax.mechanics.robot_kinematics import Position, in_world, unchained
 from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics import observer
-from coopmm_jax.metrics.sentence import Formula, Numbers, Sentences
 from coopmm_jax.metrics.table import check_finite, registered
 from coopmm_jax.parameters import Parameters, Reference, Structure
 from coopmm_jax.runs.beginning import AIMED_AT, beginning, told, warn_of_distant_start
@@ -31,6 +30,7 @@ from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.feasible import check_reference
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.status import Status
+from coopmm_jax.temporal_logic.sentence import Formula, Numbers, Sentences
 
 _SHORTEST = 1024  # samples a compiled rollout has room for, at least
 _PER_SAMPLE = {"float64": 2000.0, "float32": 1000.0}  # [byte] at the peak, measured over 400,000 recorded samples

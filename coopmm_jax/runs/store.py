@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import read_json, read_npz, resolve_path, write_csv, write_json, write_npz, write_text
-from coopmm_jax.software import check_plugins, versions
+from coopmm_jax.kinds.software import check_plugins, versions
 
 if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory

@@ -15,11 +15,11 @@ import numpy as np
 from coopmm_jax.control.adaptive import Regressors
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import DEFAULT, controller, signals_of
+from coopmm_jax.kinds.software import versions
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.robot import PLATFORM
 from coopmm_jax.metrics.table import METRICS, as_text, shown
 from coopmm_jax.parameters import Rail
-from coopmm_jax.software import versions
 from coopmm_jax.status import Status
 
 if TYPE_CHECKING:

@@ -16,8 +16,6 @@ from pydantic import SerializeAsAny, ValidationInfo, field_validator, model_vali
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import controller
 from coopmm_jax.kinds.paths import ROUND, is_closed
-from coopmm_jax.metrics.sentence import signals_of
-from coopmm_jax.metrics.signals import AFTERWARDS
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.parameters import (
     MASS_NAMES,
@@ -53,6 +51,8 @@ from coopmm_jax.scenario.sections.simulation import SimulationSection
 from coopmm_jax.scenario.sections.tuning import TuningSection, tuning_section
 from coopmm_jax.scenario.sections.uncertainty import UncertaintySection
 from coopmm_jax.scenario.validation import closest, validate
+from coopmm_jax.temporal_logic.sentence import signals_of
+from coopmm_jax.temporal_logic.signals import AFTERWARDS
 
 
 class BaseScenario(HardwareSections):

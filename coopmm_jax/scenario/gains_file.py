@@ -16,12 +16,12 @@ import tomli_w
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
 from coopmm_jax.kinds.controllers import name_of
+from coopmm_jax.kinds.software import check_plugins, loaded_plugins, record, recorded_plugins
 from coopmm_jax.parameters import PhaseSchedule, Schedule
 from coopmm_jax.scenario.overrides import merged, read_toml
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.sections.controller import gain_tables
 from coopmm_jax.scenario.sections.schedule import schedule_table
-from coopmm_jax.software import check_plugins, loaded_plugins, record, recorded_plugins
 
 GAINS_FILE, RUN_FILE = "gains.toml", "trajectory.npz"  # of a tuning, of a run
 _SECTIONS = ("gains", "law", "schedule")

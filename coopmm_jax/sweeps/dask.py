@@ -17,7 +17,7 @@ from concurrent.futures import Executor
 from typing import Any
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.software import versions
+from coopmm_jax.kinds.software import versions
 
 OPTION = "--dask"
 _MUST = "the address of a Dask scheduler, as tcp://head:8786, or local:N"

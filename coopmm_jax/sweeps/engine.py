@@ -25,8 +25,9 @@ from typing import Any, NamedTuple
 
 import jax
 
-from coopmm_jax import plugins, runtime, software
+from coopmm_jax import runtime
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds import plugins, software
 from coopmm_jax.kinds.registry import find, kind_of
 from coopmm_jax.sweeps.batch import Elsewhere, Program, elsewhere, run
 

@@ -17,11 +17,11 @@ from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.sample import internal_force, largest_size, squared_errors
-from coopmm_jax.metrics.sentence import NO_SENTENCES, Sentences
 from coopmm_jax.metrics.table import METRICS, check_finite, registered
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps.batch import Device, Program, prepare, run
+from coopmm_jax.temporal_logic.sentence import NO_SENTENCES, Sentences
 
 SEGMENT = 64  # steps; a horizon is rounded up to a whole number of segments
 POINTS = 400  # of a kept series, at most one more

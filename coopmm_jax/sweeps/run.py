@@ -24,6 +24,7 @@ from tqdm import tqdm
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
+from coopmm_jax.kinds.software import versions
 from coopmm_jax.memory import check_memory
 from coopmm_jax.runtime import xla_options
 from coopmm_jax.scenario import plausible
@@ -31,7 +32,6 @@ from coopmm_jax.scenario.feasible import check_reference
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import Variation, vary
-from coopmm_jax.software import versions
 from coopmm_jax.sweeps import measure
 from coopmm_jax.sweeps import store as sweep_store
 from coopmm_jax.sweeps.batch import concurrently, slots

@@ -26,7 +26,6 @@ from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.errors import UserError
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.metrics import observer
-from coopmm_jax.metrics.sentence import Numbers, Sentences
 from coopmm_jax.metrics.table import METRICS, registered
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.scenario.sampling import sampler
@@ -36,6 +35,7 @@ from coopmm_jax.status import Status
 from coopmm_jax.sweeps.batch import Device, Program, in_batches, run
 from coopmm_jax.sweeps.engine import naming
 from coopmm_jax.sweeps.statistics import Results, as_results
+from coopmm_jax.temporal_logic.sentence import Numbers, Sentences
 
 if TYPE_CHECKING:
     import xarray

@@ -31,9 +31,9 @@ from zarr.storage import LocalStore, MemoryStore
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import hidden_folder, locked_folder, read_json, resolve_path
+from coopmm_jax.kinds.software import check_plugins
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.validation import validate
-from coopmm_jax.software import check_plugins
 from coopmm_jax.sweeps.contents import (
     BY_SAMPLE,
     COORDINATES,

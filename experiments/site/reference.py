@@ -12,13 +12,13 @@ import tuning
 from coopmm_jax import cli
 from coopmm_jax.commands.fields import shown
 from coopmm_jax.kinds import cost_terms, registry
-from coopmm_jax.metrics import grammar
-from coopmm_jax.metrics.signals import SIGNALS
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.scenario import catalogue
 from coopmm_jax.scenario.catalogue import NOT_GIVEN, Entry
 from coopmm_jax.scenario.sections.requirements import relations
 from coopmm_jax.scenario.sections.uncertainty import Distribution, shapes
+from coopmm_jax.temporal_logic import grammar
+from coopmm_jax.temporal_logic.signals import SIGNALS
 
 _FIELDS = ("field", "unit", "default", "meaning")
 _GROUPS = ("controller", "path", "timing", "course", "surface", "disturbance")

@@ -22,10 +22,10 @@ from coopmm_jax.algebra.types import Bool, Scalar
 from coopmm_jax.errors import UserError
 from coopmm_jax.loop.rollout import rollout
 from coopmm_jax.metrics import observer
-from coopmm_jax.metrics.sentence import Formula, Numbers, Sentences
 from coopmm_jax.metrics.table import METRICS, registered
 from coopmm_jax.parameters import Parameters
 from coopmm_jax.scenario.sections.requirements import Requirement, robustness
+from coopmm_jax.temporal_logic.sentence import Formula, Numbers, Sentences
 from tuning.cost.evaluate import FEW, Kind, Layout, Samples, compile_pairs, on_pairs
 from tuning.cost.gain_space import GainSpace
 from tuning.cost.objective import Objective

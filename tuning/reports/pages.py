@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from coopmm_jax.kinds.software import versions
 from coopmm_jax.page import Page, Picture, Table, Text, keep_page, write_page
 from coopmm_jax.plotting.style import publish
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.sections.requirements import Requirement
-from coopmm_jax.software import versions
 from coopmm_jax.sweeps.intervals import Interval, success
 from tuning.cost.objective import FAILED
 from tuning.reports import goals

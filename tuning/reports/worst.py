@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.files import write_csv, write_text
-from coopmm_jax.metrics.signals import SIGNALS
 from coopmm_jax.page import keep_page, read_page, write_page
 from coopmm_jax.plotting import style
 from coopmm_jax.plotting.bands import scale
@@ -21,6 +20,7 @@ from coopmm_jax.runs.course import Course, course
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.status import Status
+from coopmm_jax.temporal_logic.signals import SIGNALS
 from tuning.reports.asked import levels, signals
 from tuning.reports.pages import falsify_page
 from tuning.studies.falsify import Falsification

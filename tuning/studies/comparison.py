@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import jax
 import numpy as np
 
-from coopmm_jax.metrics.sentence import Sentences
 from coopmm_jax.parameters import Parameters
 from coopmm_jax.scenario.sections.requirements import Requirement
 from coopmm_jax.scenario.variation import batched
@@ -18,6 +17,7 @@ from coopmm_jax.sweeps import measure
 from coopmm_jax.sweeps.batch import Device, in_batches, slots
 from coopmm_jax.sweeps.engine import naming
 from coopmm_jax.sweeps.measure import Horizon
+from coopmm_jax.temporal_logic.sentence import Sentences
 from tuning.cost import evaluate
 from tuning.cost.evaluate import BATCH, Samples
 from tuning.cost.risk import tail_shares

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax
 import numpy as np
 
+from coopmm_jax.kinds.software import loaded_plugins, versions
 from coopmm_jax.scenario.gains_file import gains_text
 from coopmm_jax.scenario.scenario import Scenario
-from coopmm_jax.software import loaded_plugins, versions
 from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost.problem import TEST
 from tuning.studies.chatter import Slopes, slopes

@@ -20,8 +20,8 @@ import numpy as np
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import locked_folder, read_npz, resolve_path, write_csv, write_npz
+from coopmm_jax.kinds.software import check_plugins, record, recorded_plugins, versions
 from coopmm_jax.runtime import xla_options
-from coopmm_jax.software import check_plugins, record, recorded_plugins, versions
 
 if TYPE_CHECKING:
     from tuning.studies.result import Row

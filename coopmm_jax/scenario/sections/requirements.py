@@ -26,12 +26,12 @@ from pydantic import Field, model_validator
 
 from coopmm_jax.algebra.later import jnp
 from coopmm_jax.errors import UserError, one_line
-from coopmm_jax.metrics.grammar import read
-from coopmm_jax.metrics.sentence import Numbers, Sentence, Sentences, stand_in
-from coopmm_jax.metrics.signals import typical_size
 from coopmm_jax.metrics.table import METRICS, Metric
 from coopmm_jax.scenario.fields import Flag, Positive, Section, quantity
 from coopmm_jax.scenario.validation import validate
+from coopmm_jax.temporal_logic.grammar import read
+from coopmm_jax.temporal_logic.sentence import Numbers, Sentence, Sentences, stand_in
+from coopmm_jax.temporal_logic.signals import typical_size
 
 _OPERATORS = {"<=": operator.le, ">=": operator.ge, "==": operator.eq, "<": operator.lt, ">": operator.gt}
 _FORM = re.compile(rf"\s*({'|'.join(_OPERATORS)})\s*(\S+)\s*")

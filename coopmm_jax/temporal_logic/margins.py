@@ -2,7 +2,7 @@
 
 Elementwise: on scalars while a rollout goes on, and on arrays of all its samples.
 
->>> from coopmm_jax.metrics.grammar import read
+>>> from coopmm_jax.temporal_logic.grammar import read
 >>> sentence = read("contact_force >= 5 and contact_force <= 60")
 >>> float(margin(sentence.form, {"contact_force": 8.0}, sentence.numbers))
 3.0
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.types import Scalar
-from coopmm_jax.metrics.sentence import Arithmetic, Comparison, Constant, Logic, Signal
+from coopmm_jax.temporal_logic.sentence import Arithmetic, Comparison, Constant, Logic, Signal
 
 
 class Extremes(NamedTuple):

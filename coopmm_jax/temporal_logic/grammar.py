@@ -26,12 +26,11 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.signals import TAKEN
-from coopmm_jax.metrics.sentence import (
+from coopmm_jax.temporal_logic.sentence import (
     Arithmetic,
     Comparison,
     Constant,
@@ -41,8 +40,9 @@ from coopmm_jax.metrics.sentence import (
     Temporal,
     signals_of,
 )
-from coopmm_jax.metrics.signals import SIGNALS
-from coopmm_jax.metrics.weighing import value_of, weighed
+from coopmm_jax.temporal_logic.signals import SIGNALS
+from coopmm_jax.temporal_logic.tokens import Token, refuse, tokens
+from coopmm_jax.temporal_logic.weighing import value_of, weighed
 
 LONGEST = 500  # characters of a sentence
 _SMALLEST, _LARGEST = 1e-30, 1e30  # size of a number other than 0: margins divided by it stay finite
@@ -50,15 +50,7 @@ _DEEPEST = 40  # parentheses and prefixes inside each other
 _RELATIONS = {"<=": "<=", ">=": ">=", "<": "<=", ">": ">=", "==": "=="}
 _WORDS = frozenset(("always", "eventually", "until", "and", "or", "not", "implies", "abs", "inf"))
 TAKEN.update(_WORDS)
-_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_TOKEN = re.compile(rf"\s*(?:({_NUMBER})|([A-Za-z_]\w*)|(<=|>=|==|[<>+\-*/()\[\],]))", re.ASCII)
 _CONDITION, _QUANTITY = "a condition, as contact_force >= 5,", "a number or a signal"
-
-
-class _Token(NamedTuple):
-    kind: str  # number, name, sign, end
-    text: str
-    column: int  # from 1
 
 
 def read(text: Any, field: str = "sentence") -> Sentence:
@@ -87,7 +79,7 @@ class _Reader:
         self.numbers: list[float] = []
         self.labels: list[str | None] = []
         self.next, self.depth = 0, 0
-        self.tokens = self._tokens()
+        self.tokens = tokens(text, field)
 
     def whole(self) -> Sentence:
         """The sentence that is all of the text."""
@@ -101,13 +93,13 @@ class _Reader:
         return Sentence(self.text.strip(), form, numbers, labels, unit, scale)
 
     @property
-    def now(self) -> _Token:
+    def now(self) -> Token:
         """Token to be read next."""
         return self.tokens[self.next]
 
-    def fail(self, expected: str, token: _Token, hint: str = "") -> NoReturn:
+    def fail(self, expected: str, token: Token, hint: str = "") -> NoReturn:
         """Say what should stand where a token stands."""
-        raise UserError(self.field, f"{expected} at column {token.column}{hint}", token.text or "its end")
+        refuse(self.field, expected, token, hint)
 
     def takes(self, *texts: str) -> str | None:
         """Next token's text, gone past, if it is one of some."""
@@ -122,13 +114,13 @@ class _Reader:
         if self.takes(text) is None:
             self.fail(expected, self.now)
 
-    def condition(self, part: Any, start: _Token) -> Any:
+    def condition(self, part: Any, start: Token) -> Any:
         """A part that has to be true or false."""
         if isinstance(part, Comparison | Logic | Temporal):
             return part
         return self.fail(_CONDITION, start)
 
-    def quantity(self, part: Any, start: _Token) -> Any:
+    def quantity(self, part: Any, start: Token) -> Any:
         """A part that has to be a number."""
         if isinstance(part, Comparison | Logic | Temporal):
             self.fail(_QUANTITY, start)
@@ -144,7 +136,7 @@ class _Reader:
             part = Logic("implies", (part, self.condition(self._deeper(self.sentence), after)))
         return part
 
-    def _joined(self, start: _Token, word: str, inner: Any) -> Any:
+    def _joined(self, start: Token, word: str, inner: Any) -> Any:
         part = inner()
         while self.takes(word):
             self.condition(part, start)
@@ -297,16 +289,3 @@ class _Reader:
         self.numbers.append(value)
         self.labels.append(label)
         return len(self.numbers) - 1
-
-    def _tokens(self) -> list[_Token]:
-        found, at = [], 0
-        while match := _TOKEN.match(self.text, at):
-            number, name, sign = match.groups()
-            kind = "number" if number else "name" if name else "sign"
-            found.append(_Token(kind, number or name or sign, match.end() - len(number or name or sign) + 1))
-            at = match.end()
-        rest = self.text[at:].lstrip()
-        column = len(self.text) - len(rest) + 1
-        if rest:
-            self.fail("a name, a number or a sign", _Token("sign", rest[0], column))
-        return [*found, _Token("end", "", column)]

@@ -1,4 +1,4 @@
-"""Sentences over signals: their parts, as ``metrics/grammar.py`` reads them from text; known without JAX.
+"""Sentences over signals: their parts, as ``temporal_logic/grammar.py`` reads them from text; known without JAX.
 
 A sentence has a form, which is compiled, and numbers, which are not: another tolerance needs no other program. Its
 robustness says how far it is from being violated: the margin of a comparison, the smaller margin of "and", the larger

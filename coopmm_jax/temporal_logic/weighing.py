@@ -11,8 +11,8 @@ import operator
 from collections.abc import Sequence
 from typing import Any
 
-from coopmm_jax.metrics.sentence import Arithmetic, Comparison, Constant, Formula, signals_of, walk
-from coopmm_jax.metrics.signals import SIGNALS, typical_size
+from coopmm_jax.temporal_logic.sentence import Arithmetic, Comparison, Constant, Formula, signals_of, walk
+from coopmm_jax.temporal_logic.signals import SIGNALS, typical_size
 
 _COMPUTED = {"+": operator.add, "-": operator.sub, "*": operator.mul, "negative": operator.neg, "abs": abs}
 

@@ -3,7 +3,7 @@
 The value of every part is an array over the samples, the whole sentence's that of the first. A window's extreme is
 joined from those of 1, 2, 4, ... samples, so that its length can be traced.
 
->>> from coopmm_jax.metrics.grammar import read
+>>> from coopmm_jax.temporal_logic.grammar import read
 >>> sentence = read("eventually[0, 2] always[0, 1] t >= 1")
 >>> float(robustness(sentence.form, {"t": jnp.arange(6.0)}, sentence.numbers, step=1.0, last=5))
 1.0
@@ -18,9 +18,9 @@ import jax
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.types import Scalar
-from coopmm_jax.metrics.margins import EXACT, Extremes, joined, margin, smooth
-from coopmm_jax.metrics.monitor import samples_of
-from coopmm_jax.metrics.sentence import Formula, Logic, Temporal, is_pointwise
+from coopmm_jax.temporal_logic.margins import EXACT, Extremes, joined, margin, smooth
+from coopmm_jax.temporal_logic.monitor import samples_of
+from coopmm_jax.temporal_logic.sentence import Formula, Logic, Temporal, is_pointwise
 
 _FAR = 1e30  # in the place of infinity, of which differences are none
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from coopmm_jax.kinds.metrics import of_plugins
 from coopmm_jax.kinds.signals import TAKEN, added
-from coopmm_jax.metrics.table import of_plugins
 
 # Typical sizes by unit, by which margins are divided where no limit gives a size.
 _SIZES = {"N": 1.0, "N m": 1.0, "m": 0.01, "rad": 0.01, "rad, m": 0.01}

@@ -2,7 +2,7 @@
 
 That works exactly where a window is counted from the start of the run, and what stands in it speaks of one instant, or
 of "always" or "eventually" to the end of the run. ``needs_samples`` names the other sentences: of those the samples are
-kept, and ``metrics/robustness.py`` looks at them afterwards.
+kept, and ``temporal_logic/robustness.py`` looks at them afterwards.
 
 A window that goes on beyond the run is cut at its end, and one whose conditions have windows themselves where those
 would begin beyond it. The ends of windows are rounded to samples.
@@ -16,9 +16,9 @@ from typing import Any, TypeAlias
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.types import Bool, Scalar
-from coopmm_jax.metrics.margins import EXACT, joined, margin
-from coopmm_jax.metrics.sentence import Formula, Logic, Temporal, is_pointwise, signals_of
-from coopmm_jax.metrics.signals import AFTERWARDS
+from coopmm_jax.temporal_logic.margins import EXACT, joined, margin
+from coopmm_jax.temporal_logic.sentence import Formula, Logic, Temporal, is_pointwise, signals_of
+from coopmm_jax.temporal_logic.signals import AFTERWARDS
 
 Watched: TypeAlias = tuple[tuple[Scalar, ...], ...]  # what is known of each ``leaf`` of a sentence
 

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any
 
-from coopmm_jax import plugins
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds import plugins
 
 _PLUGIN = "plugin "  # before the name of one
 
