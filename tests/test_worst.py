@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from coopmm_jax.metrics.signals import SIGNALS
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.plotting import style
 from coopmm_jax.runs.course import Course, course
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.sections.requirements import parse
 from coopmm_jax.status import Status
+from coopmm_jax.temporal_logic.signals import SIGNALS
 from tuning.reports.asked import levels, signals
 from tuning.reports.worst import over_time
 

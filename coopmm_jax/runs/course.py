@@ -20,12 +20,12 @@ from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.loop.health import Health
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.metrics import observer, watching
-from coopmm_jax.metrics.grammar import read
-from coopmm_jax.metrics.sentence import Formula, Numbers, Sentences
 from coopmm_jax.metrics.table import WHOLE, registered
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.status import Status
+from coopmm_jax.temporal_logic.grammar import read
+from coopmm_jax.temporal_logic.sentence import Formula, Numbers, Sentences
 
 
 class Course(NamedTuple):

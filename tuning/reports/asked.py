@@ -12,9 +12,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from coopmm_jax.metrics.sentence import Arithmetic, Comparison, Constant, Signal, Temporal, signals_of
 from coopmm_jax.metrics.table import LATE, LATE_FROM, METRICS, SETTLED
 from coopmm_jax.scenario.sections.requirements import Requirement
+from coopmm_jax.temporal_logic.sentence import Arithmetic, Comparison, Constant, Signal, Temporal, signals_of
 
 MOST = 4  # panels of one figure
 _OF_COST = ("contact_force", "tracking_error", "object_error", "torque")
