@@ -10,9 +10,10 @@ import jax
 import numpy as np
 import pytest
 
-from coopmm_jax import load_scenario, software
+from coopmm_jax import load_scenario
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
+from coopmm_jax.kinds import software
 from coopmm_jax.sweeps import dask, engine
 from coopmm_jax.sweeps.batch import Program, in_batches, run, slots
 from coopmm_jax.sweeps.engine import carried_by

@@ -5,9 +5,9 @@ import csv
 import numpy as np
 import pytest
 
-from coopmm_jax import cli, plugins
+from coopmm_jax import cli
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds import registry
+from coopmm_jax.kinds import plugins, registry
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.sections.requirements import parse
 from tests import required_results

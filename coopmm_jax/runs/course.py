@@ -41,7 +41,7 @@ def course(scenario: Scenario, names: Sequence[str]) -> Course:
 
     Args:
         scenario: that is run; one compiled program serves all of a structure.
-        names: of signals, as ``metrics.signals.SIGNALS`` has them.
+        names: of signals, as ``temporal_logic.signals.SIGNALS`` has them.
     """
     forms = tuple((name, read(f"always {name} >= 0").form) for name in names)
     plan = Plan.alone(scenario.steps)
