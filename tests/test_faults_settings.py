@@ -80,6 +80,14 @@ def test_what_follows_a_value_is_one_only_where_it_can_be(arguments, others, cha
     assert overrides.split(arguments.split(), lambda key: key == "tuning.gains") == (others, changes)
 
 
+def test_what_a_scenario_was_made_with_is_asked_for_where_that_may_be_missing(tmp_path, capsys):
+    path = tmp_path / "worst.toml"
+    path.write_text('# plugin own.py 5f2c\n[requirements]\nsmall = "always spread <= 0.5"\n')
+    assert told(capsys, "simulate", str(path)) == (
+        f"scenario: must be used with the --plugin own.py that {path} was made with (5f2c), was used without"
+    )
+
+
 def test_a_file_may_begin_with_a_byte_order_mark(tmp_path):
     (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbf[gains]\nk0 = 3.0\n")
     assert load_scenario(tmp_path / "bom.toml").gains.k0 == 3.0
@@ -131,6 +139,20 @@ DIGITS = "1" + "0" * 5000
         (
             'simulate paper --uncertainty.plant.m-p {distribution="uniform",low=1,high=2,relative="yes"}',
             'uncertainty.plant.m_p.relative: must be true or false, was "yes"',
+        ),
+        (
+            "simulate sensed --requirements.object-rm none",
+            "requirements.object_rm: must be one of contact_loss_fraction, force_error_rms_late, object_rms, "
+            'error_late, to be dropped (did you mean object_rms?), was "none"',
+        ),
+        ("simulate paper --requirements.x none", "requirements.x: must be left out, as the base scenario has none"),
+        (
+            'simulate paper --requirements.force-min {require=">=0",scale=1e-320}',
+            "requirements.force_min.scale: must be at least 1e-30, was 1e-320",
+        ),
+        (
+            'simulate paper --requirements.force-min {require=">=0",scale=1e308}',
+            "requirements.force_min.scale: must be at most 1e+30, was 1e+308",
         ),
         ("simulate paper --simulation.step 1e-310", "simulation.duration: must be less than 2147483648 steps"),
         ("simulate paper --simulation.duration 1e308", "simulation.duration: must be less than 2147483648 steps"),

@@ -48,6 +48,14 @@ def test_margins_end_where_the_cost_rises_or_a_robot_fails(rollouts):
     assert checked > 0
 
 
+def test_margins_end_at_bounds(rollouts):
+    """The cost of the stand-in grows by less than a tenth up to the nearest bounds."""
+    problem = problem_module.build_problem(scenario(gains=["K_lambda"], bounds={"K_lambda": [0.28, 0.32]}))
+    found = margins.margins(problem, problem.space.start)
+    assert {(margin.below, margin.above) for margin in found} == {("bound", "bound")}
+    assert {(round(margin.low, 9), round(margin.high, 9)) for margin in found} == {(0.28, 0.32)}
+
+
 @pytest.mark.parametrize(("ripple", "chattering"), [(0.0, False), (1e-3, True)])
 def test_ripples_on_the_cost_are_told_from_its_slope(rollouts, monkeypatch, ripple, chattering):
     """Ripples of a thousandth, 0.006 from crest to crest: no larger step sees them."""

@@ -50,6 +50,16 @@ def test_a_search_that_is_resumed_in_its_second_half_goes_by_its_own_pace():
     assert left.after(row(91, "searching", 110e6), 4.0) == pytest.approx(7.0)
 
 
+def test_what_is_minimised_is_named_and_explained_once():
+    said = io.StringIO()
+    shown = Progress(TuningSection(goals="requirements"), said)
+    for each in (row(0, "screening", 1e6), row(1, "scanning", 2e6)):
+        shown.row(each)
+    lines = said.getvalue().splitlines()
+    assert lines[0].startswith("goals' value: the largest soft requirement, 1 at its limit")
+    assert [line.split(",")[0] for line in lines[1:]] == ["screening 0: goals' value 1", "scanning 1: goals' value 1"]
+
+
 def test_every_weighting_of_a_front_begins_anew():
     left = TimeLeft(TuningSection(precision="float64"))
     for began in (0.0, 100.0):

@@ -10,6 +10,8 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import plugins, registry
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.sections.requirements import parse
+from coopmm_jax.sweeps.check import _checked
+from coopmm_jax.sweeps.measure import Measured
 from tests import required_results
 from tuning.search.ascent import Ascent, Peak
 from tuning.studies.falsify import requirement_of, said
@@ -87,6 +89,19 @@ def test_check_ends_with_0_where_all_is_kept(results):
     lost = [name for each in table["scenarios"] for name, value in each["robustness"].items() if value < 0.0]
     assert (code == 0) == table["kept"] == (not lost)
     assert text.splitlines()[-1].endswith("scenarios meet every requirement")
+
+
+def test_a_rollout_that_fails_has_a_robustness_in_check_too():
+    """That of the same rollout in a sweep, or in a search: -1e6 scales at the end, -2e6 at the start."""
+    scenario = load_scenario("sensed", requirements={"presses": "always contact_force >= 5"})
+    known, end = scenario.requirements.metrics(), (scenario.steps + 1) * scenario.sample_time
+    metrics = np.full((2, len(known)), np.nan)
+    measured = Measured(metrics, np.array([1, 1]), np.array([0.5 * end, 0.0]))
+    half, none = (_checked("one", scenario, measured, row) for row in (0, 1))
+    scales = {str(each): each.scale for each in scenario.requirements.parsed()}
+    assert half.robustness == pytest.approx({name: -1.5e6 * scale for name, scale in scales.items()})
+    assert none.robustness == pytest.approx({name: -2e6 * scale for name, scale in scales.items()})
+    assert not half.kept
 
 
 def failure(name, point, shortfall=1.0, broken=None, influence=(1.0, 1.0)):

@@ -110,7 +110,7 @@ FAULTS = {
     "contact_force >= ": "a number or a signal at column 18, was its end",
     "contact_force => 5": "a name, a number or a sign at column 15, was =",
     "contct_force >= 5": "a number or a signal at column 1 (did you mean contact_force?), was contct_force",
-    "xyzzy >= 5": "a number or a signal at column 1 (coopmm metrics lists signals), was xyzzy",
+    "xyzzy >= 5": "a number or a signal at column 1 (coopmm metrics lists signals, --plugin adds some), was xyzzy",
     "contact_force >= 5 5": "the end of the sentence, or and, or, implies, until at column 20, was 5",
     "(contact_force >= 5": ") or more of the sentence at column 20, was its end",
     "contact_force >= 5)": "the end of the sentence, or and, or, implies, until at column 19, was )",

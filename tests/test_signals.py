@@ -112,7 +112,7 @@ WRONG = [
     ({"completed": "always t >= 0"}, "completed: must be a sentence under another name than completed"),
     ({"late": "always[21, 30] t >= 0"}, "late: must be a sentence whose windows all begin within the 20 s of the run"),
     ({"late": {"hard": True}}, "late.require: must be given, was missing"),
-    ({"late": {"require": "always t >= 0", "scale": 0.0}}, "late.scale: must be greater than 0, was 0"),
+    ({"late": {"require": "always t >= 0", "scale": 0.0}}, "late.scale: must be at least 1e-30, was 0.0"),
     (
         {"late": {"require": "always t >= 0", "soft": True}},
         "late.soft: must be one of require, scale and hard, was unknown",

@@ -13,6 +13,7 @@ from coopmm_jax.scenario.scenario import load_scenario
 from tests.closed_costs import replace_rollouts, scenario
 from tuning.cost.objective import TERMS
 from tuning.cost.problem import build_problem
+from tuning.studies import controllers, state
 from tuning.studies.controllers import tune_controllers
 
 NAMES = ["robust_adaptive", "pid"]
@@ -47,6 +48,18 @@ def test_each_is_tuned_for_the_same_cost_with_the_same_budget(folder, capsys):
     found = json.loads((folder / "tuned" / "compare.json").read_text())["values"]["cost, mean"]
     assert list(found) == NAMES
     assert (folder / "tuned" / "costs.png").exists()
+
+
+def test_one_that_is_interrupted_says_how_to_go_on(folder, monkeypatch, capsys):
+    def interrupted(*_):
+        (folder / "tuned" / "pid").mkdir(parents=True)
+        (folder / "tuned" / "pid" / state.NAME).write_bytes(b"")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(controllers, "tune_controllers", interrupted)
+    assert command(folder, "--overwrite") == 130
+    words = f"coopmm tune {folder}/short.toml --controllers robust_adaptive,pid --out {folder}/tuned --resume"
+    assert f"go on by {words}\n" in capsys.readouterr().err
 
 
 def test_what_was_tuned_is_not_tuned_again(folder, capsys):

@@ -16,6 +16,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.files import LOCK, read_npz, resolve_path
 from coopmm_jax.scenario.gains_file import GAINS_FILE
 from coopmm_jax.scenario.overrides import read_toml
+from coopmm_jax.scenario.sections.tuning import minimised
 
 if TYPE_CHECKING:
     from coopmm_jax.commands import Subparsers
@@ -105,12 +106,13 @@ def curve(over: Sequence[float], values: Sequence[float]) -> list[str]:
 
 def _tuning(folder: Path) -> View:
     rows = _history(folder / HISTORY)
-    budget = float(read_toml(folder / SETTINGS, "DIR").get("tuning", {}).get("budget", math.nan))
+    settings = read_toml(folder / SETTINGS, "DIR").get("tuning", {})
+    budget, word = float(settings.get("budget", math.nan)), minimised(settings.get("goals", "cost"))
     last, ended = rows[-1], (folder / GAINS_FILE).exists()
     done = f"{float(last['steps']) / 1e6:.3g} of {budget:.3g} M steps, {float(last['seconds']):.0f} s"
     lines = [f"{folder}: {'ended after' if ended else 'in'} {last['stage']} {last['iteration']}; {done}", ""]
     steps, best = ([float(row[name]) for row in rows] for name in ("steps", "best"))
-    lines += [f"lowest cost so far {best[-1]:.4g}", *curve(steps, best), "", *_gains(folder / STATE)]
+    lines += [f"lowest {word} so far {best[-1]:.4g}", *curve(steps, best), "", *_gains(folder / STATE)]
     return View(lines, ended)
 
 

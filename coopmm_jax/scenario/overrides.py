@@ -17,6 +17,7 @@ from typing import Any
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
 from coopmm_jax.kinds.controllers import DEFAULT
+from coopmm_jax.scenario.validation import closest
 
 DISTRIBUTION = "distribution"  # the key of a table that says how a number varies
 KIND = "kind"  # the key that says what kind of thing a table describes
@@ -70,12 +71,23 @@ def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     {'law': {'controller': 'pid'}}
     """
     nested = _nested(changes)
+    _check_dropped(base, nested)
     before, after = _controller(base), _controller(nested)
     if after is not None and after != (before or DEFAULT):
         base = {name: table for name, table in base.items() if name not in ("gains", "schedule")}
         if isinstance(base.get("tuning"), Mapping):
             base["tuning"] = {name: value for name, value in base["tuning"].items() if name not in ("gains", "bounds")}
     return _laid(base, nested)
+
+
+def _check_dropped(base: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
+    """Refuse to drop a requirement that is not there, as a slip of the pen would go unnoticed."""
+    known, dropped = (tables.get("requirements") for tables in (base, changes))
+    known = known if isinstance(known, Mapping) else {}
+    for name, given in dropped.items() if isinstance(dropped, Mapping) else ():
+        if given == "none" and name not in known:
+            have = f"one of {', '.join(known)}, to be dropped" if known else "left out, as the base scenario has none"
+            raise UserError(f"requirements.{name}", f"{have}{closest(name, known)}", '"none"')
 
 
 def _controller(tables: Mapping[str, Any]) -> Any:

@@ -21,6 +21,7 @@ from coopmm_jax.kinds.plugins import load_installed
 from coopmm_jax.scenario.base import BaseScenario
 from coopmm_jax.scenario.overrides import laid_over, merged, read_toml
 from coopmm_jax.scenario.validation import closest, validate
+from coopmm_jax.software import check_plugins, recorded_plugins
 
 
 class Scenario(BaseScenario):
@@ -49,7 +50,14 @@ def load_scenario(name_or_path: str | Path, **overrides: Any) -> Scenario:
     20000
     """
     load_installed()
-    return validate(Scenario, laid_over(_read(_find(str(name_or_path), Path(), "scenario")), overrides))
+    path = _find(str(name_or_path), Path(), "scenario")
+    tables = _read(path)
+    try:
+        return validate(Scenario, laid_over(tables, overrides))
+    except UserError:
+        # What a missing plugin would explain is told first.
+        check_plugins(recorded_plugins(path.read_text(encoding="utf-8-sig")), "scenario", path)
+        raise
 
 
 def list_scenarios() -> dict[str, str]:

@@ -2,7 +2,8 @@
 
 Scenarios of one structure run in one batch; what one finds depends on no other.
 
->>> from coopmm_jax.scenario.scenario import load_scenario
+>>> from coopmm_jax.metrics.sentence import stand_in
+from coopmm_jax.scenario.scenario import load_scenario
 >>> strict = load_scenario("paper", requirements={"force_min": ">= 0"})
 >>> Checked("paper", strict, Status.OK, np.nan, {"force_min >= 0": -1.0}).kept
 False
@@ -18,6 +19,7 @@ import jax
 import numpy as np
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.metrics.sentence import stand_in
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps.batch import Device, in_batches
@@ -34,7 +36,7 @@ class Checked(NamedTuple):
     scenario: Scenario
     status: Status
     status_time: float  # of a failure [s]; NaN for none
-    robustness: dict[str, float]  # of each requirement, in its own unit; NaN of a rollout that fails
+    robustness: dict[str, float]  # of each requirement, in its own unit; of a rollout that fails its stand-in
 
     @property
     def kept(self) -> bool:
@@ -114,8 +116,10 @@ def _measured(scenarios: list[Scenario], names: list[str]) -> Measured:
 def _checked(name: str, scenario: Scenario, measured: Measured, row: int) -> Checked:
     status = Status(int(measured.status[row]))
     values = dict(zip(scenario.requirements.metrics(), measured.metrics[row].tolist(), strict=True))
+    time = float(measured.status_time[row])
+    failed = None if status == Status.OK else stand_in(time / ((scenario.steps + 1) * scenario.sample_time))
     robustness = {
-        str(each): float(each.robustness(values[each.metric])) * each.scale if status == Status.OK else np.nan
+        str(each): float(each.robustness(values[each.metric]) if failed is None else failed) * each.scale
         for each in scenario.requirements.parsed()
     }
-    return Checked(name, scenario, status, float(measured.status_time[row]), robustness)
+    return Checked(name, scenario, status, time, robustness)

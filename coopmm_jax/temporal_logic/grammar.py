@@ -265,7 +265,11 @@ class _Reader:
         if name not in SIGNALS:
             stems = dict.fromkeys(known.partition("[")[0] for known in SIGNALS)
             close = difflib.get_close_matches(name[:60], stems, n=1)
-            self.fail(_QUANTITY, token, f" (did you mean {close[0]}?)" if close else " (coopmm metrics lists signals)")
+            self.fail(
+                _QUANTITY,
+                token,
+                f" (did you mean {close[0]}?)" if close else " (coopmm metrics lists signals, --plugin adds some)",
+            )
         return Signal(name)
 
     def _deeper(self, inner: Any) -> Any:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from coopmm_jax.scenario.sections.tuning import TuningSection
     from tuning.studies.result import Row
 
+_GOALS = "the largest soft requirement, 1 at its limit and less inside, plus 100 for each scale that a hard one misses"
 FINER = 2.0  # times as long as in float32 takes a step in float64
 
 
@@ -63,6 +64,8 @@ class Progress:
 
     def __init__(self, settings: TuningSection, stream: TextIO | None = None):
         self.left, self.stream = TimeLeft(settings), stream or sys.stderr
+        self.minimised = settings.minimised
+        self.told = settings.goals == "cost"  # whether what is minimised needs no further word
         self.live = self.stream.isatty()
         self.open = False  # whether the cursor stands behind a line that the next one replaces
 
@@ -75,8 +78,11 @@ class Progress:
     def row(self, row: Row) -> None:
         """Say what an iteration found."""
         left = self.left.after(row, time.monotonic())
+        if not self.told:
+            self.told = True
+            self.stream.write(f"{self.minimised}: {_GOALS}\n")
         text = (
-            f"{row.stage} {row.iteration}: cost {row.training:.4g}, best {row.best:.4g}, "
+            f"{row.stage} {row.iteration}: {self.minimised} {row.training:.4g}, best {row.best:.4g}, "
             f"{row.steps / 1e6:.3g} of {self.left.budget / 1e6:.3g} M steps"
             f"{'' if left is None else f', {left:.0f} s left'}"
         )

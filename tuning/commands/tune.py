@@ -107,7 +107,7 @@ def _controllers(scenario: Scenario, options: argparse.Namespace) -> int:
     from tuning.commands.progress import Progress
     from tuning.reports import compare, tune  # slow to import, as the next
     from tuning.studies.controllers import tune_controllers
-    from tuning.studies.state import SETTINGS
+    from tuning.studies.state import NAME, SETTINGS
 
     target = resolve_path(options.out, "--out")
     limit = math.inf if options.time_budget is None else options.time_budget
@@ -115,7 +115,13 @@ def _controllers(scenario: Scenario, options: argparse.Namespace) -> int:
     names = [name.strip() for name in options.controllers.split(",")]
     with locked_folder(target), workers(options) as executor:
         told = (shown.row, shown.stage, limit, options.overwrite, executor)
-        tuned = tune_controllers(scenario, names, target, options.resume, *told)
+        try:
+            tuned = tune_controllers(scenario, names, target, options.resume, *told)
+        except KeyboardInterrupt:
+            if any((target / name / NAME).exists() for name in names):
+                words = [word for word in options.argv if word not in ("--overwrite", "--resume")]
+                print(f"\ngo on by {shlex.join(['coopmm', *words, '--resume'])}", file=sys.stderr)
+            raise
         for name, result in tuned.results.items():
             with result_folder(target / name) as folder:
                 tune.write_report(folder, result, load_scenario(target / name / SETTINGS))

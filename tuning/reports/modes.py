@@ -8,6 +8,7 @@ from coopmm_jax.files import write_csv, write_text
 from coopmm_jax.page import keep_page, write_page
 from coopmm_jax.plotting.style import publish
 from coopmm_jax.scenario.scenario import Scenario
+from coopmm_jax.software import loaded_plugins, record
 from tuning.reports.pages import modes_page
 from tuning.reports.worst import drawings
 from tuning.studies.falsify import said
@@ -26,7 +27,7 @@ def write_report(folder: Path, modes: Modes, scenario: Scenario, budget: tuple[i
     names = files(modes)
     rows = []
     for name, found, broken in zip(names, modes.found, modes.broken, strict=True):
-        write_text(folder / name, found.scenario.to_toml())
+        write_text(folder / name, record(loaded_plugins()) + found.scenario.to_toml())
         requirement = found.requirement
         robustness = -found.cost * requirement.scale if requirement else ""
         rows.append([name, requirement and requirement.metric, robustness, " ".join(broken), *found.numbers.values()])

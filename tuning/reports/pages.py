@@ -25,7 +25,7 @@ from tuning.studies.falsify import said
 from tuning.studies.margins import RISE
 
 _CAPTIONS = {
-    "convergence": "Course of the search: cost of the best gains so far over simulated steps",
+    "convergence": "Course of the search: what is minimised, of the best gains so far, over simulated steps",
     "gains": "Tuned gains before and after",
     "front": "Quality over effort: a point for each weight of effort, named by it; dominated ones are beaten in both",
     "costs": "Costs of all samples: under each set of gains against the first, and the ratio of both",
@@ -240,7 +240,7 @@ def _height(found: Any, height: float) -> str:
 
 def _gains(result: Any) -> Iterator[Table]:
     means = result.before.reshape(-1, len(result.margins)).mean(axis=0)
-    ends = {"free": " or beyond", "fails": " (a robot fails)", "cost": ""}
+    ends = {"free": " or beyond", "fails": " (a robot fails)", "cost": "", "bound": " (its bound)"}
     owners = entry_owners(result.scenario)
     rows = [
         (
@@ -253,7 +253,8 @@ def _gains(result: Any) -> Iterator[Table]:
         )
         for before, m in zip(means, result.margins, strict=True)
     ]
-    title = f"Gains, and how far each may go alone until the cost rises by {RISE:.0%}"
+    minimised = result.scenario.tuning.minimised
+    title = f"Gains, and how far each may go alone within its bounds until the {minimised} rises by {RISE:.0%}"
     yield Table(title, ("gain", "of", "before", "after", "down to", "up to"), rows)
     if result.schedule is not None:
         values = zip(result.labels, result.before, result.after, strict=True)

@@ -95,12 +95,13 @@ def remarks(result: TuningResult) -> list[str]:
     """Sentences on lost contact, the largest force, bounds, chattering and the end of the search."""
     bounds = [f"at a bound of [tuning.bounds]: {', '.join(result.at_bounds)}"] if result.at_bounds else []
     end = [f"search ended: {result.stopped}"] if result.stopped else []
-    return [_losses(result), *_peaks(result), *bounds, _slopes(result.slopes), *end]
+    return [_losses(result), *_peaks(result), *bounds, _slopes(result.slopes, result.scenario.tuning.minimised), *end]
 
 
 def _gains(result: TuningResult) -> list[str]:
     """Every tuned gain, and how far it may go alone; then its values at the knots, if it has them."""
-    head = f"may be alone, until the cost rises by {RISE:.0%} or a robot fails (!)"
+    minimised = result.scenario.tuning.minimised
+    head = f"may be alone within its bounds, until the {minimised} rises by {RISE:.0%} or a robot fails (!)"
     owners = entry_owners(result.scenario)
     names = [with_owner(margin.name, owners) for margin in result.margins]
     width = max(16, *map(len, names))
@@ -116,16 +117,16 @@ def _gains(result: TuningResult) -> list[str]:
     return lines
 
 
-def _slopes(found: Slopes) -> str:
+def _slopes(found: Slopes, minimised: str) -> str:
     """The line on chattering, with its figures."""
-    text = f"slope of the cost over small steps {found.small:.3g}, over steps of 5 % {found.large:.3g}"
+    text = f"slope of the {minimised} over small steps {found.small:.3g}, over steps of 5 % {found.large:.3g}"
     if found.chattering:
         return f"{text}: the gains chatter, exact gradients mislead here"
     return f"{text}: no chattering"
 
 
 def _end(value: float, beyond: str) -> str:
-    return f"{value:.4g}" + {"free": " or beyond", "fails": "!", "cost": ""}[beyond]
+    return f"{value:.4g}" + {"free": " or beyond", "fails": "!", "cost": "", "bound": " (bound)"}[beyond]
 
 
 def _ratio(change: Change) -> str:

@@ -31,7 +31,7 @@ def convergence(result: TuningResult) -> Figure:
     axes.semilogy(
         steps, [row.best for row in result.history], label="lowest on the fixed samples", marker=".", **pen(2)
     )
-    axes.set(xlabel="simulated steps [million]", ylabel="cost")
+    axes.set(xlabel="simulated steps [million]", ylabel=result.scenario.tuning.minimised)
     plain_numbers(axes.yaxis)
     legend(axes)
     return figure

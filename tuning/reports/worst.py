@@ -19,6 +19,7 @@ from coopmm_jax.plotting.style import publish
 from coopmm_jax.runs.course import Course, course
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.sections.requirements import Requirement
+from coopmm_jax.software import loaded_plugins, record
 from coopmm_jax.status import Status
 from coopmm_jax.temporal_logic.signals import SIGNALS
 from tuning.reports.asked import levels, signals
@@ -44,7 +45,7 @@ def write_results(
         scenario: that was searched.
         budget: rollouts and starts of the search.
     """
-    write_text(folder / name, found.scenario.to_toml())
+    write_text(folder / name, record(loaded_plugins()) + found.scenario.to_toml())
     stem = name.removesuffix(".toml")
     numbers = ([number, found.nominal[number], value] for number, value in found.numbers.items())
     write_csv(folder / f"{stem}.csv", ["number", "scenario", "found"], numbers)

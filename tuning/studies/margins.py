@@ -22,7 +22,7 @@ class Margin(NamedTuple):
     value: float
     low: float  # the lowest and highest of the values tried at which the cost has not risen by RISE
     high: float
-    below: str  # beyond: "cost", "fails", or "free" where even the largest factor does neither
+    below: str  # beyond: "cost", "fails", "bound" of [tuning.bounds], "free" where even the largest factor does neither
     above: str
 
 
@@ -36,20 +36,24 @@ def margins(problem: Problem, vector: np.ndarray) -> list[Margin]:
     signs, index = np.repeat([-1.0, 1.0], n), np.tile(np.arange(n), 2)
     along = signs[:, None] * moves[index]
     samples, precision = problem.drawn(SAMPLES, CHOICE), problem.scenario.tuning.coarse
+    # No further than the search may go: to the bounds, or to gains of the scenario that lie outside of them.
+    low, high = np.minimum(problem.space.low, vector), np.maximum(problem.space.high, vector)
     limit = (1.0 + RISE) * problem.aim.values(vector[None], samples, precision)[0]
     steps = np.log(np.concatenate([[1.0], FACTORS]))
     good, bad = np.zeros(2 * n, int), np.full(2 * n, len(steps))
     failing = np.zeros(2 * n, bool)
     while np.any(bad - good > 1):
         middle = (good + bad) // 2
-        moved = vector + steps[middle, None] * along
+        moved = np.clip(vector + steps[middle, None] * along, low, high)
         risks, lost = problem.aim.outcomes(moved, samples, precision)
         kept = ~lost & (risks <= limit)
         good = np.where(kept, middle, good)
         failing = np.where(kept, failing, lost)
         bad = np.where(kept, bad, middle)
-    values = np.stack([_means(problem, row) for row in vector + steps[good, None] * along])[np.arange(2 * n), index]
-    beyond = np.where(bad == len(steps), "free", np.where(failing, "fails", "cost"))
+    ends = vector + steps[good, None] * along
+    values = np.stack([_means(problem, row) for row in np.clip(ends, low, high)])[np.arange(2 * n), index]
+    stopped = np.where(np.any((ends < low) | (ends > high), axis=1), "bound", "free")
+    beyond = np.where(bad == len(steps), stopped, np.where(failing, "fails", "cost"))
     own = _means(problem, vector)
     return [
         Margin(name, float(own[i]), float(values[i]), float(values[n + i]), str(beyond[i]), str(beyond[n + i]))

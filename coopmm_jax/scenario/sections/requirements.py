@@ -20,14 +20,14 @@ import math
 import operator
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import Field, model_validator
 
 from coopmm_jax.algebra.later import jnp
 from coopmm_jax.errors import UserError, one_line
 from coopmm_jax.metrics.table import METRICS, Metric
-from coopmm_jax.scenario.fields import Flag, Positive, Section, quantity
+from coopmm_jax.scenario.fields import Finite, Flag, Section, quantity
 from coopmm_jax.scenario.validation import validate
 from coopmm_jax.temporal_logic.grammar import read
 from coopmm_jax.temporal_logic.sentence import Numbers, Sentence, Sentences, stand_in
@@ -82,13 +82,16 @@ class Requirement(NamedTuple):
         return f"{self.metric} {self.relation} {self.limit:g}"
 
 
+Scale = Annotated[Finite, Field(ge=1e-30, le=1e30)]  # what is divided by it stays far from the ends of numbers
+
+
 class RequirementSection(Section):
     """One requirement with all that can be said of it."""
 
     label: ClassVar[str] = "one of require, scale and hard"  # for errors
 
     require: str = quantity(..., 'a metric\'s limit, as "<= 2.0", or a sentence')
-    scale: Positive | None = quantity(None, "what its robustness is divided by, in the metric's or sentence's unit")
+    scale: Scale | None = quantity(None, "what its robustness is divided by, in the metric's or sentence's unit")
     hard: Flag = quantity(False, "whether tuning has to keep it: hard or soft")
 
 

@@ -92,6 +92,15 @@ class Scales(_Scales):
         return {name: own.get(name) for name in cost_terms.terms()}
 
 
+def minimised(goals: str) -> str:
+    """Word for the number that a search with these goals minimises.
+
+    >>> minimised("cost"), minimised("requirements")
+    ('cost', "goals' value")
+    """
+    return "cost" if goals == "cost" else "goals' value"
+
+
 class TuningSection(Section):
     """[tuning]: gains, cost, samples and duration of a tuning; see its .bounds, .weights and .scales."""
 
@@ -134,6 +143,11 @@ class TuningSection(Section):
     learning_rate: Positive = quantity(0.1, "of optax's optimisers")
     decay: Literal["constant", "cosine"] = quantity("constant", "of the learning rate")
     clip: Positive | None = quantity(None, "largest norm of the gradient given to optax's optimisers")
+
+    @property
+    def minimised(self) -> str:
+        """Word for the number that the search minimises."""
+        return minimised(self.goals)
 
     @property
     def coarse(self) -> str:
