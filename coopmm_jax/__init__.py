@@ -19,7 +19,8 @@ if TYPE_CHECKING:  # for editors; at run time ``__getattr__`` fetches each of th
     from coopmm_jax.animation.film import animate
     from coopmm_jax.errors import UserError
     from coopmm_jax.kinds.plugins import load_plugin
-    from coopmm_jax.kinds.registry import quantity, register
+    from coopmm_jax.kinds.protocol import quantity
+    from coopmm_jax.kinds.registry import register
     from coopmm_jax.plotting import overview
     from coopmm_jax.runs.simulation import simulate
     from coopmm_jax.runs.store import read_run
@@ -68,7 +69,7 @@ _MODULE_OF = {
     "load_scenario": "scenario.scenario",
     "open_sweep": "sweeps.store",
     "overview": "plotting",
-    "quantity": "kinds.registry",
+    "quantity": "kinds.protocol",
     "read_run": "runs.store",
     "register": "kinds.registry",
     "replay": "sweeps.replay",

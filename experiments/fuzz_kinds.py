@@ -28,7 +28,7 @@ import numpy as np
 from coopmm_jax import runtime
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import plugins, registry
-from coopmm_jax.kinds.registry import MISSING, Field
+from coopmm_jax.kinds.protocol import MISSING, Field, quantity
 from coopmm_jax.metrics.table import LATE, METRICS
 from coopmm_jax.scenario.feasible import check_reference
 from coopmm_jax.scenario.kind_sections import Chosen, choice_of, is_pair, is_scalar, is_vector
@@ -98,7 +98,7 @@ class Fuzzer:
                 table[name] = self.value(field)
         for name, info in place.choice.base.model_fields.items():
             if info.annotation is float:  # all of them, so that few programs are enough
-                table[name] = self.number(Field(float, registry.quantity(""), info.default))
+                table[name] = self.number(Field(float, quantity(""), info.default))
         fitting = self.together.get((place.choice.group, kind))
         if fitting and self.random.random() < _PLAUSIBLE:
             table |= fitting(_MIDDLES.get(place.path[-1], 1.0))

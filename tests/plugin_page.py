@@ -11,7 +11,8 @@ from importlib import import_module
 from pathlib import Path
 
 from coopmm_jax import kinds as package
-from coopmm_jax.kinds.registry import GROUPS, MISSING
+from coopmm_jax.kinds.protocol import MISSING
+from coopmm_jax.kinds.registry import GROUPS
 from coopmm_jax.metrics import table as metrics  # registers the built-in ones
 
 PAGE = Path(__file__).parent.parent / "docs" / "plugins.md"

@@ -13,7 +13,8 @@ from importlib import import_module
 from typing import Any, NamedTuple, TypeVar
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.registry import MISSING, Attribute, Field, Group, Kind, Method, Quantity, declare, find, kind_of
+from coopmm_jax.kinds.protocol import MISSING, Attribute, Field, Group, Kind, Method, Quantity
+from coopmm_jax.kinds.registry import declare, find, kind_of
 
 Made = TypeVar("Made")
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from coopmm_jax.algebra.types import Scalar
-from coopmm_jax.kinds.registry import Attribute, Group, Kind, Method, declare, known, register_constants
+from coopmm_jax.kinds.protocol import Attribute, Group, Kind, Method
+from coopmm_jax.kinds.registry import declare, known, register_constants
 
 COST_TERM = "cost_term"
 

@@ -20,7 +20,8 @@ from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import fits
 from coopmm_jax.kinds.paths import chebyshev
-from coopmm_jax.kinds.registry import Group, Method, declare, quantity, register
+from coopmm_jax.kinds.protocol import Group, Method, quantity
+from coopmm_jax.kinds.registry import declare, register
 from coopmm_jax.kinds.timings import smooth_rise
 
 declare(

@@ -14,7 +14,8 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 from coopmm_jax.algebra.later import jnp, sincos
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.registry import Group, Method, declare, quantity, register
+from coopmm_jax.kinds.protocol import Group, Method, quantity
+from coopmm_jax.kinds.registry import declare, register
 
 HARMONICS = 16  # of a noise
 Uniform: TypeAlias = Callable[[int], Vector]  # so many random numbers (n,) between 0 and 1, those of the sample

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from coopmm_jax.kinds.registry import Attribute, Group, Kind, Method, declare, known
+from coopmm_jax.kinds.protocol import Attribute, Group, Kind, Method
+from coopmm_jax.kinds.registry import declare, known
 
 WHOLE, LATE = "whole", "late"
 # How a quantity of all samples becomes one number; ``metrics/observer.py`` computes them.

@@ -17,7 +17,8 @@ from coopmm_jax.algebra.later import angle_of, jnp, sincos
 from coopmm_jax.algebra.matrix import dot, scaled
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.registry import Group, Method, declare, quantity, register
+from coopmm_jax.kinds.protocol import Group, Method, quantity
+from coopmm_jax.kinds.registry import declare, register
 
 ROUND = (0.0, 2.0 * math.pi)  # phases of a closed path, once round
 OPEN = (-1.0, 1.0)  # phases of an open one, from its first point to its last

@@ -7,7 +7,8 @@ from typing import Any
 
 from coopmm_jax.algebra.later import jax, jnp
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.registry import GROUPS, Kind, Method, kind_of
+from coopmm_jax.kinds.protocol import Kind, Method
+from coopmm_jax.kinds.registry import GROUPS, kind_of
 
 
 def probe(instance: Any) -> None:

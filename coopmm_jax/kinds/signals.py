@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.registry import Attribute, Group, Kind, Method, declare, known
+from coopmm_jax.kinds.protocol import Attribute, Group, Kind, Method
+from coopmm_jax.kinds.registry import declare, known
 
 TAKEN: set[str] = set()  # what names mean in sentences already: built-in signals and words, told by their modules
 

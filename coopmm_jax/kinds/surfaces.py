@@ -15,7 +15,8 @@ from typing import Annotated, NamedTuple
 from coopmm_jax.algebra.later import jnp
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.registry import Group, Method, declare, quantity, register
+from coopmm_jax.kinds.protocol import Group, Method, quantity
+from coopmm_jax.kinds.registry import declare, register
 
 SURFACE = declare(
     Group(

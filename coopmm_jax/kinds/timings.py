@@ -12,7 +12,8 @@ from typing import Annotated, NamedTuple, Protocol
 
 from coopmm_jax.algebra.later import jnp, sincos
 from coopmm_jax.algebra.types import Scalar
-from coopmm_jax.kinds.registry import Group, Method, declare, quantity, register
+from coopmm_jax.kinds.protocol import Group, Method, quantity
+from coopmm_jax.kinds.registry import declare, register
 
 _NO_RAMP = 1e-6  # [s], below which there is none
 

@@ -12,7 +12,8 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
 from coopmm_jax.kinds import fits
 from coopmm_jax.kinds.paths import Chebyshev, Fourier, span
-from coopmm_jax.kinds.registry import quantity, register
+from coopmm_jax.kinds.protocol import quantity
+from coopmm_jax.kinds.registry import register
 
 _FEWEST = 4  # points
 _LEAST = 1e-9  # [m] from one point to the next

@@ -12,12 +12,12 @@ import re
 from collections.abc import Iterator
 from typing import Any, Literal, NamedTuple, get_args, get_origin
 
-from coopmm_jax.kinds import registry
+from coopmm_jax.kinds import protocol, registry
 from coopmm_jax.scenario.kind_sections import Chosen, choice_of, section
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.sections.controller import GainsSection, all_controllers, gains_section
 
-NOT_GIVEN: Any = registry.MISSING  # default of a field that has to be given
+NOT_GIVEN: Any = protocol.MISSING  # default of a field that has to be given
 _UNIT = re.compile(r"(?P<meaning>.*) \[(?P<unit>[^][]*)\]")
 
 

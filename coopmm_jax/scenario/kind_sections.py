@@ -19,9 +19,9 @@ from pydantic import BeforeValidator, Field, Strict, create_model
 from pydantic.fields import FieldInfo
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds import registry
+from coopmm_jax.kinds import protocol, registry
 from coopmm_jax.kinds.probe import probe
-from coopmm_jax.kinds.registry import Kind, Quantity
+from coopmm_jax.kinds.protocol import Kind, Quantity
 from coopmm_jax.scenario.fields import Finite, Flag, Pair, Section
 from coopmm_jax.scenario.validation import validate
 
@@ -47,7 +47,7 @@ class KindSection(Section):
         """
         kind = self.about()
         values = {name: getattr(self, name) for name in kind.fields}
-        if not hasattr(kind.made, registry.BUILD):
+        if not hasattr(kind.made, protocol.BUILD):
             return kind.made(**{name: _spread(kind, name, value) for name, value in values.items()})
         return _built(self)  # pyright: ignore[reportArgumentType] - what is frozen has a hash
 
@@ -55,7 +55,7 @@ class KindSection(Section):
     def fixed(cls, field: str) -> bool:
         """True if a field is read once at load and cannot vary: an argument of ``build``."""
         kind = cls.about()
-        return field in kind.fields and hasattr(kind.made, registry.BUILD)
+        return field in kind.fields and hasattr(kind.made, protocol.BUILD)
 
 
 def section(group: str, name: str, base: type[KindSection] = KindSection) -> type[Any]:
@@ -109,8 +109,8 @@ def check(described: KindSection) -> None:
         UserError: the kind refuses its numbers, or a method of a plugin's does not do what the group asks.
     """
     numbers, kind = described.numbers(), described.about()
-    if hasattr(numbers, registry.CHECK):
-        calling(f"{kind.label}: {registry.CHECK}", numbers.check)
+    if hasattr(numbers, protocol.CHECK):
+        calling(f"{kind.label}: {protocol.CHECK}", numbers.check)
     if kind.plugin is not None:
         probe(numbers)
 
@@ -118,10 +118,10 @@ def check(described: KindSection) -> None:
 def _pinned(described: KindSection) -> KindSection:
     """The section with what it was loaded from, such as the content of a file, among its fields."""
     kind = described.about()
-    if not hasattr(kind.made, registry.PINNED):
+    if not hasattr(kind.made, protocol.PINNED):
         return described
     values = {name: getattr(described, name) for name in kind.fields}
-    return described.model_copy(update=calling(f"{kind.label}: {registry.PINNED}", kind.made.pinned, **values))
+    return described.model_copy(update=calling(f"{kind.label}: {protocol.PINNED}", kind.made.pinned, **values))
 
 
 def calling(place: str, function: Callable[..., Any], **arguments: Any) -> Any:
@@ -148,7 +148,7 @@ def _section(made_by: type, base: type[KindSection]) -> type[Any]:
             raise UserError(f"{kind.label}: {name}", f"named unlike the fields of every {kind.group} ({taken})", name)
     fields: dict[str, Any] = {"kind": (Literal[kind.name], Field(kind.name, description="what it is"))}
     for name, (type_, about, default) in kind.fields.items():
-        given = {} if default is registry.MISSING else {"default": default if type_ is int else _plain(default)}
+        given = {} if default is protocol.MISSING else {"default": default if type_ is int else _plain(default)}
         fields[name] = (_type(type_, about), Field(description=about.meaning, **given))
     made = create_model(f"{kind.made.__name__}Section", __base__=base, __doc__=inspect.getdoc(kind.made), **fields)
     made.about = classmethod(lambda cls: kind)  # pyright: ignore[reportAttributeAccessIssue]
@@ -158,7 +158,7 @@ def _section(made_by: type, base: type[KindSection]) -> type[Any]:
 
 def _type(plain: Any, about: Quantity) -> Any:
     """Type that pydantic checks a field by."""
-    bounds: Any = registry.bounds_of(about)
+    bounds: Any = protocol.bounds_of(about)
     number = Annotated[Finite, Field(**bounds)] if bounds else Finite
     if is_scalar(plain):
         return number
@@ -208,7 +208,7 @@ def _built(described: KindSection) -> Any:
     """Result of a kind's ``build`` for a section."""
     kind = described.about()
     values = {name: getattr(described, name) for name in kind.fields}
-    numbers = calling(f"{kind.label}: {registry.BUILD}", kind.made.build, **values)
+    numbers = calling(f"{kind.label}: {protocol.BUILD}", kind.made.build, **values)
     if type(numbers) is not kind.made:
         raise UserError(f"{kind.label}: build", f"a function that returns {kind.made.__name__}", type(numbers).__name__)
     return numbers

@@ -19,8 +19,9 @@ from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import baselines, controllers
 from coopmm_jax.kinds.controllers import DEFAULT, Gain
-from coopmm_jax.kinds.registry import Field as Described
-from coopmm_jax.kinds.registry import bounds_of, known
+from coopmm_jax.kinds.protocol import Field as Described
+from coopmm_jax.kinds.protocol import bounds_of
+from coopmm_jax.kinds.registry import known
 from coopmm_jax.mechanics.robot import JOINTS, ROBOTS
 from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, PerEntry, Positive, Section, quantity
 
