@@ -1,5 +1,7 @@
 """Sentences: their robustness against the definition, exact and smooth, while a rollout goes on and afterwards."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.temporal_logic import monitor
+from coopmm_jax.temporal_logic import robustness as robust
 from coopmm_jax.temporal_logic.grammar import LONGEST, read
 from coopmm_jax.temporal_logic.robustness import robustness
 from coopmm_jax.temporal_logic.sentence import signals_of
@@ -42,6 +45,14 @@ def looked_at(sentence, signals, temperature=None):
     """Robustness from all samples."""
     given = {name: jnp.asarray(signals[name]) for name in signals_of(sentence.form)}
     return robustness(sentence.form, given, jnp.array(sentence.numbers), STEP, LAST, temperature)
+
+
+@pytest.fixture(autouse=True)
+def loops_compiled_once(monkeypatch):
+    """Most sentences have the same loops; outside a compiled program each would be compiled where it stands."""
+    monkeypatch.setattr(robust, "smooth", functools.cache(robust.smooth))
+    for name, fixed in (("_sliding", 3), ("_from_the_back", 0)):
+        monkeypatch.setattr(robust, name, jax.jit(getattr(robust, name), static_argnums=fixed))
 
 
 def test_random_sentences_are_as_defined():
