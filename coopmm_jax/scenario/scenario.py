@@ -18,10 +18,10 @@ from pydantic import model_validator
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
 from coopmm_jax.kinds.plugins import load_installed
+from coopmm_jax.kinds.software import check_plugins, recorded_plugins
 from coopmm_jax.scenario.base import BaseScenario
 from coopmm_jax.scenario.overrides import laid_over, merged, read_toml
 from coopmm_jax.scenario.validation import closest, validate
-from coopmm_jax.software import check_plugins, recorded_plugins
 
 
 class Scenario(BaseScenario):

@@ -2,8 +2,7 @@
 
 Scenarios of one structure run in one batch; what one finds depends on no other.
 
->>> from coopmm_jax.metrics.sentence import stand_in
-from coopmm_jax.scenario.scenario import load_scenario
+>>> from coopmm_jax.scenario.scenario import load_scenario
 >>> strict = load_scenario("paper", requirements={"force_min": ">= 0"})
 >>> Checked("paper", strict, Status.OK, np.nan, {"force_min >= 0": -1.0}).kept
 False
@@ -19,12 +18,12 @@ import jax
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.metrics.sentence import stand_in
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps.batch import Device, in_batches
 from coopmm_jax.sweeps.engine import naming
 from coopmm_jax.sweeps.measure import Horizon, Measured, measure
+from coopmm_jax.temporal_logic.sentence import stand_in
 
 SIZE = 32  # of a batch: then the program is the one that a tuning's report has compiled
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from coopmm_jax.files import write_csv, write_text
+from coopmm_jax.kinds.software import loaded_plugins, record
 from coopmm_jax.page import keep_page, write_page
 from coopmm_jax.plotting.style import publish
 from coopmm_jax.scenario.scenario import Scenario
-from coopmm_jax.software import loaded_plugins, record
 from tuning.reports.pages import modes_page
 from tuning.reports.worst import drawings
 from tuning.studies.falsify import said

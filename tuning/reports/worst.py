@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.files import write_csv, write_text
+from coopmm_jax.kinds.software import loaded_plugins, record
 from coopmm_jax.page import keep_page, read_page, write_page
 from coopmm_jax.plotting import style
 from coopmm_jax.plotting.bands import scale
@@ -19,7 +20,6 @@ from coopmm_jax.plotting.style import publish
 from coopmm_jax.runs.course import Course, course
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.scenario.sections.requirements import Requirement
-from coopmm_jax.software import loaded_plugins, record
 from coopmm_jax.status import Status
 from coopmm_jax.temporal_logic.signals import SIGNALS
 from tuning.reports.asked import levels, signals
