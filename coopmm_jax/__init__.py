@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # for editors; at run time ``__getattr__`` fetches each of th
     from tuning.studies.falsify import falsify
     from tuning.studies.tune import tune
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 __all__ = [
     "Scenario",
     "Status",

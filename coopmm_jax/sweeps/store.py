@@ -267,7 +267,7 @@ def _group(path: Path) -> zarr.Group:
             if writable:
                 enlarge(group)
             return group
-        reason = "another zarr group, or with damaged settings or coordinates"
+        reason = "another zarr group, of an older version, or with damaged settings or coordinates"
     except UserError:
         raise
     except FileNotFoundError:
