@@ -28,6 +28,17 @@ def test_of_near_equal_gains_the_sturdier_is_kept(rollouts):
     np.testing.assert_array_equal(margins.sturdiest(problem, near, np.array([1.0, 1.02])), near[0])
 
 
+def test_of_equally_sturdy_gains_the_cheaper_is_kept(rollouts):
+    """Changes of one gain cost the second vector a little less, by less than it costs more itself."""
+    problem = problem_module.build_problem(scenario())
+    near = np.zeros((2, problem.space.size))
+    near[:, 0] = [-1.0, -0.999]
+    own = problem.costs(near)
+    assert 0.0 < own[0] - own[1] < 1e-3 * own[0]
+    values = own[0] * np.array([1.0, 1.005])
+    np.testing.assert_array_equal(margins.sturdiest(problem, near, values), near[0])
+
+
 def test_margins_end_where_the_cost_rises_or_a_robot_fails(rollouts):
     problem = problem_module.build_problem(scenario())
     rollouts.lost = lambda vector: vector[0] > 0.5 + np.log(1.3)

@@ -23,6 +23,11 @@ def test_auto_goes_along_gradients_where_numbers_are_many(knots, kind):
     assert isinstance(stages.plan(unscaled(scenario(schedule=knots))).wide, kind)
 
 
+def test_narrow_generations_take_more_samples_than_wide_ones():
+    chosen = stages.plan(unscaled(scenario(optimiser="cma", samples=3)))
+    assert (chosen.wide.samples, chosen.narrow.samples) == (3, 12)
+
+
 def test_a_scan_finds_the_gain_that_is_far_off():
     class Far:
         low, high = np.full(5, -3.0), np.full(5, 3.0)

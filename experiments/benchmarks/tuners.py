@@ -3,10 +3,11 @@
     python -m experiments.benchmarks.tuners [--out results/benchmarks]
 
 Judged is what ``coopmm tune sensed`` reports: the mean cost over 128 untouched robots and the whole 20 s, against wall
-time; compilation is listed apart. Run it on a quiet machine. Writes tuners.csv, row by row as runs end, and tuners.png.
-Needs the extra ``bench``. All of it takes three hours on two cores; ``--tuners``, ``--problems``, ``--seeds`` and
-``--seconds`` choose. A machine with more cores takes several runs at a time, each pinned to two of them (``taskset``)
-and with a folder of its own; ``--read`` makes one table of all their rows.
+time; compilation is listed apart. Writes tuners.csv, run by run and seed by seed, and tuners.png; ``--resume`` goes on
+with such a table. Needs the extra ``bench``. All of it takes three hours; ``--tuners``, ``--problems``, ``--seeds`` and
+``--seconds`` choose. Run it on a quiet machine, or pinned to one core and ahead of everything else: ``nice -n -15
+taskset -c 1``. A machine with more cores takes several runs at a time, each pinned to its own and with a folder of its
+own; ``--read`` makes one table of all their rows.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from __future__ import annotations
 import argparse
 import contextlib
 import csv
+import itertools
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
@@ -30,6 +32,7 @@ from coopmm_jax.plotting.style import panels, pen, save, styled
 from coopmm_jax.scenario.scenario import load_scenario
 from experiments.benchmarks.tuner_methods import TUNERS, Meter, Spent
 from tuning.cost.problem import TEST, Problem, build_problem
+from tuning.search.stages import Descents, plan
 
 # problem -> (what it is, settings of [tuning])
 PROBLEMS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -62,6 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--tuners", nargs="+", choices=TUNERS, default=list(TUNERS))
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3, 4, 5])
     parser.add_argument("--seconds", type=float, default=SECONDS, help="wall time of one run")
+    parser.add_argument("--resume", action="store_true", help="keep the runs in the table of --out, and do the others")
     parser.add_argument("--read", nargs="+", type=Path, default=[], help="tables of earlier runs: nothing is run")
     options = parser.parse_args(argv)
     if options.read:
@@ -69,13 +73,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     runtime.use_fast_compilation(batches=not runtime.backend_is_up())
     jax.config.update("jax_enable_x64", True)
     options.out.mkdir(parents=True, exist_ok=True)
-    rows: list[Judgement] = []
-    with (options.out / "tuners.csv").open("w", newline="", encoding="utf-8") as file:
+    path = options.out / "tuners.csv"
+    rows = read([path]) if options.resume and path.exists() else []
+    with path.open("a" if rows else "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(Judgement._fields)
-        for row in measure(options.problems, options.tuners, options.seeds, options.seconds):
-            rows.append(row)
-            writer.writerow(row)
+        if not rows:
+            writer.writerow(Judgement._fields)
+        done = {(row.problem, row.tuner, row.seed) for row in rows}
+        for run in measure(options.problems, options.tuners, options.seeds, options.seconds, done):
+            rows.extend(run)
+            writer.writerows(run)
             file.flush()
     return _show(rows, options.out)
 
@@ -95,30 +102,54 @@ def _show(rows: Sequence[Judgement], out: Path) -> int:
 
 
 def measure(
-    problems: Iterable[str], tuners: Sequence[str], seeds: Iterable[int], seconds: float
-) -> Iterable[Judgement]:
-    """All runs, one improvement after the other; ``seconds`` [s] for each."""
-    for name in problems:
-        settings = PROBLEMS[name][1] | {"tracking_from": min(1.5, DURATION / 2)}
-        began = time.monotonic()
-        problem = build_problem(load_scenario("sensed", simulation={"duration": DURATION}, tuning=settings))
-        problem.costs(problem.start, problem.drawn(1, 0), problem.scenario.tuning.coarse)
-        values = time.monotonic() - began
-        slopes = _compiled_slopes(problem) if any("lbfgs" in tuner for tuner in tuners) else 0.0
-        for seed in seeds:
-            for tuner in tuners:
-                meter = Meter(problem, seconds, seed)
-                with contextlib.suppress(Spent):
-                    TUNERS[tuner](meter)
-                compiling = values + (slopes if "lbfgs" in tuner else 0.0)
-                yield from _judged(meter, name, tuner, compiling)
+    problems: Iterable[str],
+    tuners: Sequence[str],
+    seeds: Iterable[int],
+    seconds: float,
+    done: Set[tuple[str, str, int]] = frozenset(),
+) -> Iterable[list[Judgement]]:
+    """The improvements of one run after the other, seed by seed.
+
+    Args:
+        problems: by name.
+        tuners: by name.
+        seeds: all problems and tuners with the first one, then with the next.
+        seconds: for each run [s].
+        done: problem, tuner and seed of runs that are left out.
+    """
+    built = {name: _built(name, tuners) for name in problems}
+    for seed, name, tuner in itertools.product(seeds, built, tuners):
+        if (name, tuner, seed) not in done:
+            meter = Meter(built[name].problem, seconds, seed)
+            with contextlib.suppress(Spent):
+                TUNERS[tuner](meter)
+            slopes = built[name].slopes_s if _descends(meter.problem, tuner) else 0.0
+            compiling = built[name].values_s + slopes
+            yield list(_judged(meter, name, tuner, compiling))
 
 
-def _compiled_slopes(problem: Problem) -> float:
-    """Time to compile the gradient [s]."""
+class Built(NamedTuple):
+    """A problem, with its programs compiled."""
+
+    problem: Problem
+    values_s: float  # that compiling its costs took, and what is run once to scale them
+    slopes_s: float  # that compiling its gradient took, 0 where it was not
+
+
+def _built(name: str, tuners: Sequence[str]) -> Built:
+    settings = PROBLEMS[name][1] | {"tracking_from": min(1.5, DURATION / 2)}
     began = time.monotonic()
-    problem.slopes(problem.start, problem.drawn(1, 0))
-    return time.monotonic() - began
+    problem = build_problem(load_scenario("sensed", simulation={"duration": DURATION}, tuning=settings))
+    problem.costs(problem.start, problem.drawn(1, 0), problem.scenario.tuning.coarse)
+    middle = time.monotonic()
+    if any(_descends(problem, tuner) for tuner in tuners):
+        problem.slopes(problem.start, problem.drawn(1, 0))
+    return Built(problem, middle - began, time.monotonic() - middle)
+
+
+def _descends(problem: Problem, tuner: str) -> bool:
+    """True for a tuner that takes gradients."""
+    return "lbfgs" in tuner or (tuner == "coopmm" and isinstance(plan(problem).wide, Descents))
 
 
 def _judged(meter: Meter, problem: str, tuner: str, compiling: float) -> Iterable[Judgement]:

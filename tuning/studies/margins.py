@@ -67,14 +67,18 @@ def _means(problem: Problem, vector: np.ndarray) -> np.ndarray:
 
 
 def sturdiest(problem: Problem, vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The vector (n,) to keep: of those within ``NEAR`` of the best, the one that bears changes of its gains best.
+    """The vector (n,) to keep: of those within ``NEAR`` of the best, the one of least cost with and without changes.
+
+    Its own cost and the mean over changes of one gain by ``NUDGE`` weigh the same. Next to a cliff that mean rises by
+    far more than ``NEAR``; elsewhere it differs by less than the costs do, and alone would choose by chance.
 
     Args:
         problem: whose cost it is.
         vectors: (F, n), the best first.
         values: their risks (F,).
     """
-    near = vectors[values <= (1.0 + NEAR) * values[0]]
+    alike = values <= (1.0 + NEAR) * values[0]
+    near = vectors[alike]
     if len(near) == 1:
         return near[0]
     moves, step = problem.space.moves, np.log(NUDGE)
@@ -82,4 +86,4 @@ def sturdiest(problem: Problem, vectors: np.ndarray, values: np.ndarray) -> np.n
     moved = (near[:, None] + nudges).reshape(-1, near.shape[1])
     precision = problem.scenario.tuning.coarse
     risks = problem.aim.values(moved, problem.drawn(SAMPLES, CHOICE), precision).reshape(len(near), -1)
-    return near[int(np.argmin(risks.mean(axis=1)))]
+    return near[int(np.argmin(values[alike] + risks.mean(axis=1)))]

@@ -132,7 +132,10 @@ class TuningSection(Section):
     budget: Positive = quantity(180.0, "simulated steps of the search, its last iteration excepted [million]")
     starts: Count = quantity(256, "starting points: the scenario's gains and scrambled Sobol points")
     screening_samples: Count = quantity(4, "samples that choose among the starting points")
-    samples: Count = quantity(4, "samples of a generation or descent, drawn anew for each; of a scan, twice as many")
+    samples: Count = quantity(
+        4,
+        "samples of a generation or descent, drawn anew for each; of a scan 2, of a narrow generation 4 times as many",
+    )
     precision: Literal["mixed", "float64"] = quantity(
         "mixed", "floating point numbers: mixed takes float32 where candidates lie far apart, twice as fast"
     )
