@@ -49,6 +49,28 @@ class FrontInertia(NamedTuple):
     I_wf: Scalar = 1.0  # one wheel, about its axle
 
 
+class Arm(NamedTuple):
+    """Arm with any number of pitch links on its column, in the place of links 2 and 3."""
+
+    l_links: Vector  # half lengths (N,), from the column to the tip [m]
+
+
+class LiftedArm(NamedTuple):
+    """Arm whose column lifts its pitch links: a joint between yaw and pitch, without a mass of its own."""
+
+    l_links: Vector  # as of an arm without
+
+
+AnyArm = Arm | LiftedArm
+
+
+class LinkInertia(NamedTuple):
+    """Masses [kg] and moments of inertia [kg m^2] of an arm's pitch links."""
+
+    m_links: Vector  # (N,)
+    I_links: Vector  # about the centre across the rod (N,)
+
+
 class Geometry(NamedTuple):
     """Lengths of one robot [m]; known to the controller (the paper assumes B known below (2))."""
 
@@ -60,6 +82,7 @@ class Geometry(NamedTuple):
     l3: Scalar = 0.25  # half length of link 3
     mount_offset: Scalar = 0.0  # arm mount ahead of the axle
     front: Front | None = None  # axle ahead; None: the wheels of the only axle drive it
+    arm: AnyArm | None = None  # None: links 2 and 3 above
 
 
 class Inertia(NamedTuple):
@@ -76,9 +99,10 @@ class Inertia(NamedTuple):
     I2: Scalar = 0.5  # link 2, about its centre across the rod
     I3: Scalar = 0.5  # link 3, likewise
     front: FrontInertia | None = None  # of a platform on two axles
+    links: LinkInertia | None = None  # of an arm that is described link by link
 
 
-MASS_NAMES = tuple(name for name in Inertia._fields if name != "front")
+MASS_NAMES = tuple(name for name in Inertia._fields if name not in ("front", "links"))
 
 
 class Surface(NamedTuple):
@@ -192,6 +216,12 @@ class Pose(NamedTuple):
     a2: Scalar
     a3: Scalar
     steer: PyTree = None  # angle of a front axle, None: as the desired motion turns [rad]
+    arm: PyTree = None  # joints after the yaw, lift [m] before pitches [rad], of an arm link by link; None: a2 and a3
+
+    @property
+    def joints(self) -> Vector:
+        """Joints of the arm after its yaw (k,) [rad], a lift [m]."""
+        return (self.a2, self.a3) if self.arm is None else self.arm
 
 
 class Hardware(NamedTuple):
@@ -294,6 +324,7 @@ class Structure(NamedTuple):
     force_delay: int = 0  # whole samples by which the measured force is late
     features: Features = Features()
     contact: str = "rigid"  # rigid | compliant: a constraint, or a stiff surface that the tip can leave
+    joints: Pair[int] = (5, 5)  # velocities u of each robot: two of the platform, those of the arm's joints
 
     @property
     def compliant(self) -> bool:

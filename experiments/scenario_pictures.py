@@ -22,7 +22,7 @@ from coopmm_jax.files import result_folder
 from coopmm_jax.plotting.lines import runs
 
 WIDTH = 640  # of a frame [pixel]
-FRAMES = ("paper", "paper_full", "uncertain", "sensed", "free", "rough", "flat", "trailer", "mixed")
+FRAMES = ("paper", "paper_full", "uncertain", "sensed", "free", "rough", "flat", "trailer", "mixed", "long_arm")
 KNOCKED = (3.95, 4.45)  # [s], when the tip of `compliant` is off the surface, and a little more
 
 

@@ -10,7 +10,7 @@ from coopmm_jax.control import backstepping, chain
 from coopmm_jax.control.chain import Chain
 from coopmm_jax.control.reference import Desired
 from coopmm_jax.loop.integrate import rk4_step
-from coopmm_jax.mechanics.robot_kinematics import Position
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.parameters import Gains
 
 STATES = 100

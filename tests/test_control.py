@@ -14,9 +14,10 @@ from coopmm_jax.kinds.disturbances import Disturbance, Sine
 from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.mechanics.disturbance import disturbing
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.mechanics.robot_kinematics import Position, chained_rates
+from coopmm_jax.mechanics.robot_kinematics import chained_rates
 from coopmm_jax.parameters import ALL_ROWS, Gains, Parameters, Reference, Structure
 from tests.oracles import control_law, lagrangian
 from tests.samples import admissible, assert_close, joined, positions, random_inertia, random_pair, vector

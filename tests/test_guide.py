@@ -6,11 +6,12 @@ import pytest
 
 from coopmm_jax.kinds.courses import Sine
 from coopmm_jax.kinds.timings import Rate
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.mechanics.guide import carriage_step
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.partitioning import dependent_solution
 from coopmm_jax.mechanics.plant import carriage_rate, plant_kinematics
-from coopmm_jax.mechanics.robot_kinematics import Position, arm_moved, chained, position_rates
+from coopmm_jax.mechanics.robot_kinematics import arm_moved, chained, position_rates
 from coopmm_jax.parameters import ALL_ROWS, MovingRail, Rail, Structure, Surface
 from tests.beside_a_path import EIGHT, eight
 

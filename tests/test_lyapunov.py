@@ -15,8 +15,8 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.disturbances import Disturbance
 from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.state import State
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import (
     ALL_ROWS,
     MASS_NAMES,

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 
 from coopmm_jax.mechanics import robot_dynamics, robot_kinematics, two_axles
+from coopmm_jax.mechanics.coordinates import LongPosition, Position
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.partitioning import dependent_solution
 from coopmm_jax.mechanics.plant import plant_kinematics, respond
-from coopmm_jax.mechanics.robot_kinematics import Position
-from coopmm_jax.mechanics.two_axles import LongPosition
 from coopmm_jax.parameters import Car, FrontInertia, Parameters, Plant, Pose, Structure, Trailer
 from tests.oracles import lagrangian
 from tests.oracles import two_axles as oracle

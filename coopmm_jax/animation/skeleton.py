@@ -8,7 +8,7 @@ import numpy as np
 
 from coopmm_jax.algebra.types import Pair
 from coopmm_jax.animation.surface import DrawnSurface, normals, shifts
-from coopmm_jax.parameters import Car, Geometry
+from coopmm_jax.parameters import Car, Geometry, LiftedArm
 from coopmm_jax.plotting.motion import midpoints
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Skeleton(NamedTuple):
     t: np.ndarray  # (F,) [s]
     q: np.ndarray  # (F, 2, 6), as in Trajectory
     forward: np.ndarray  # (F, 2, 2) unit vector of each platform's heading
-    joints: np.ndarray  # (F, 2, 4, 3): foot and top of the column, elbow, tip
+    joints: np.ndarray  # (F, 2, k, 3): foot and top of the column, elbows, tip, which a shorter arm has repeatedly
     desired: np.ndarray  # (F, 2, 2): desired axle midpoints
     frame: np.ndarray  # (F, 2, 2) unit vectors along arm II and across it: the object's frame
     surface: DrawnSurface  # in the object's frame
@@ -56,10 +56,10 @@ def skeleton(trajectory: Trajectory, instants: np.ndarray) -> Skeleton:
     """
     plant = trajectory.scenario.parameters().plant
     t, q = trajectory.t[instants], trajectory.q[instants]
-    joints = np.stack([_joints(geometry, q[:, i]) for i, geometry in enumerate(plant.geometry)], axis=1)
+    joints = _alike([_joints(geometry, q[:, i]) for i, geometry in enumerate(plant.geometry)])
     along = _ahead(q[:, 1, 2] + q[:, 1, 3])
     frame = np.stack([along, np.stack([-along[:, 1], along[:, 0]], axis=-1)], axis=1)
-    touched = np.einsum("fij,fj->fi", frame, joints[:, 0, 3, :2] - joints[:, 1, 3, :2])
+    touched = np.einsum("fij,fj->fi", frame, joints[:, 0, -1, :2] - joints[:, 1, -1, :2])
     return Skeleton(
         t=t,
         q=q,
@@ -94,16 +94,28 @@ def _ahead(angle: np.ndarray) -> np.ndarray:
 
 
 def _joints(geometry: Geometry, q: np.ndarray) -> np.ndarray:
-    """Column's foot and top, elbow and tip (F, 4, 3) of one robot at q (F, 6)."""
-    pitch2, pitch3 = q[:, 4], q[:, 4] + q[:, 5]
-    reach = np.cumsum([2 * geometry.l2 * np.cos(pitch2), 2 * geometry.l3 * np.cos(pitch3)], axis=0)
-    rise = np.cumsum([2 * geometry.l2 * np.sin(pitch2), 2 * geometry.l3 * np.sin(pitch3)], axis=0)
-    nothing = np.zeros(len(q))
+    """Column's foot and top, elbows and tip (F, k, 3) of one robot at q (F, 3 + joints)."""
+    nothing, lift, half = np.zeros(len(q)), np.zeros(len(q)), (geometry.l2, geometry.l3)
+    pitch = q[:, 4:]
+    if geometry.arm is not None:
+        half = geometry.arm.l_links
+        if isinstance(geometry.arm, LiftedArm):
+            lift, pitch = pitch[:, 0], pitch[:, 1:]
+    lengths = 2 * np.array(half)[:, None]
+    pitches = np.cumsum(pitch[:, : len(half)], axis=1).T
+    reach = np.cumsum(lengths * np.cos(pitches), axis=0)
+    rise = np.cumsum(lengths * np.sin(pitches), axis=0)
     reaches = np.stack([nothing, nothing, *reach], axis=-1)
-    heights = np.stack([nothing, *(2 * geometry.l1 + x for x in (nothing, *rise))], axis=-1)
+    heights = np.stack([nothing, *(2 * geometry.l1 + lift + x for x in (nothing, *rise))], axis=-1)
     mount = q[:, :2] + geometry.mount_offset * _ahead(q[:, 2])
     horizontal = mount[:, None] + reaches[..., None] * _ahead(q[:, 2] + q[:, 3])[:, None]
     return np.concatenate([horizontal, heights[..., None]], axis=-1)
+
+
+def _alike(joints: list[np.ndarray]) -> np.ndarray:
+    """Joints of both robots (F, 2, k, 3), the tip of the shorter arm repeated."""
+    longest = max(each.shape[1] for each in joints)
+    return np.stack([each[:, np.minimum(np.arange(longest), each.shape[1] - 1)] for each in joints], axis=1)
 
 
 def body_outline(geometry: Geometry) -> np.ndarray:

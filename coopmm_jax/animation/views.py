@@ -83,8 +83,8 @@ class TopView:
             nose = self._outlines[i][-1][:, 1].max()
             self._names[i].set_position(midpoint + 0.62 * nose * forward)
         self._desired.set_data(*s.desired[k].T)
-        self._object.set_xy(s.joints[k, 1, 3, :2] + s.surface.outline(s.shift[k]) @ s.frame[k])
-        self._arrow.show(s.joints[k, 0, 3, :2], s.normal[k], s.force[k])
+        self._object.set_xy(s.joints[k, 1, -1, :2] + s.surface.outline(s.shift[k]) @ s.frame[k])
+        self._arrow.show(s.joints[k, 0, -1, :2], s.normal[k], s.force[k])
 
 
 class SideView:
@@ -117,7 +117,7 @@ class SideView:
     def show(self, k: int) -> None:
         """Move everything to frame k."""
         s, along = self._s, self._s.along[k]
-        origin = s.joints[k, 1, 3, :2]
+        origin = s.joints[k, 1, -1, :2]
         for i in _ROBOTS:
             places, heights = (s.joints[k, i, :, :2] - origin) @ along, s.joints[k, i, :, 2]
             self._columns[i].set_data(places[:2], heights[:2])
@@ -132,9 +132,9 @@ class SideView:
                 for polygon, outline in zip(self._fronts[i], outlines, strict=True):
                     polygon.set_xy(outline + ahead)
             self._names[i].set_position((axle + 0.25 * np.sign(axle), 0.85 * float(self._geometry[i].r)))
-        depth, height = s.surface.outline(s.shift[k])[:, 0], s.joints[k, 1, 3, 2]
+        depth, height = s.surface.outline(s.shift[k])[:, 0], s.joints[k, 1, -1, 2]
         self._object.set_xy(_box(depth.min(), depth.max(), height - HEIGHT / 2, height + HEIGHT / 2))
-        tip = s.joints[k, 0, 3]
+        tip = s.joints[k, 0, -1]
         contact = np.array([(tip[:2] - origin) @ along, tip[2]])
         self._arrow.show(contact, np.array([s.normal[k] @ along, 0.0]), s.force[k])
 
@@ -175,7 +175,7 @@ def extent(run: Trajectory, s: Skeleton) -> tuple[float, float, float]:
     geometry = parameters.plant.geometry
     half_track, wheel = max(float(g.l) for g in geometry), max(float(g.r) for g in geometry)
     reach = max(np.abs(s.q[..., :2]).max(), *(np.abs(curve).max() for curve in platform_curves(parameters)))
-    from_object = s.q[..., :2] - s.joints[:, 1, None, 3, :2]
+    from_object = s.q[..., :2] - s.joints[:, 1, None, -1, :2]
     farthest = np.abs((from_object * s.along[:, None]).sum(axis=-1)).max()
     highest = max(s.joints[..., 2].max(), 2.0 * wheel)
     reach += max(float(g.front.wheelbase) if g.front is not None else 0.0 for g in geometry)

@@ -13,8 +13,7 @@ from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control import chain
 from coopmm_jax.control.chain import Chain
 from coopmm_jax.control.reference import Desired
-from coopmm_jax.mechanics.robot_kinematics import AnyPosition, Position
-from coopmm_jax.mechanics.two_axles import LongPosition
+from coopmm_jax.mechanics.coordinates import AnyPosition, LongPosition, Position
 from coopmm_jax.parameters import Gains
 
 

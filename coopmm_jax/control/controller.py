@@ -31,7 +31,7 @@ class Freedom(NamedTuple):
     @classmethod
     def of(cls, structure: Structure) -> Freedom:
         """Numbers of the rows that the controller takes for in force."""
-        return cls(sum(map(len, partition(structure.rows).independent)), len(structure.rows))
+        return cls(sum(map(len, partition(structure.rows, structure.joints).independent)), len(structure.rows))
 
     @property
     def arm_joints(self) -> int:

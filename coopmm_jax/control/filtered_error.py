@@ -12,9 +12,10 @@ from coopmm_jax.control.controller import Freedom, Seen
 from coopmm_jax.control.force import ForceFeedback, pi_feedback
 from coopmm_jax.control.gain_schedule import rate
 from coopmm_jax.control.reference import Desired, desired_motion
+from coopmm_jax.mechanics.coordinates import AnyPosition
 from coopmm_jax.mechanics.partitioning import split
 from coopmm_jax.mechanics.robot import PLATFORM, per_robot
-from coopmm_jax.mechanics.robot_kinematics import AnyPosition, position_rates
+from coopmm_jax.mechanics.robot_kinematics import position_rates
 
 
 class FilterState(NamedTuple):

@@ -25,8 +25,9 @@ from coopmm_jax.control.motion import arm_joints
 from coopmm_jax.control.posture import desired_postures, with_posture
 from coopmm_jax.control.reference import Desired, desired_motion
 from coopmm_jax.errors import UserError
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position, position_rates
+from coopmm_jax.mechanics.robot_kinematics import position_rates
 
 
 class JointErrors(NamedTuple):

@@ -57,7 +57,12 @@ def command(gains: Pid, seen: Seen, state: PidState) -> Command:
             gains.K_p, position, gains.K_int, state.error_integral, gains.K_d, velocity, strict=True
         )
     )
-    weight = per_robot(lambda lumped, arm: gravity_force(lumped, model.gravity, arm), model.nominal, k.bodies.arm)
+    weight = per_robot(
+        lambda lumped, arm, geometry: gravity_force(lumped, model.gravity, arm, geometry),
+        model.nominal,
+        k.bodies.arm,
+        model.geometry,
+    )
     force = per_robot(plus, weight, from_torque(seen, on_independent(part, torque)))
     signals = {"joint_error": position, "joint_rate_error": velocity}
     return Command(force, lambda force_error: PidState(position, force_error), signals)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from coopmm_jax.algebra.types import Pair, Scalar
 from coopmm_jax.control.reference import Desired, desired_motion
+from coopmm_jax.mechanics.coordinates import AnyPosition
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.mechanics.robot_kinematics import AnyPosition, standing
+from coopmm_jax.mechanics.robot_kinematics import standing
 from coopmm_jax.parameters import Geometry, Parameters, Pose
 
 

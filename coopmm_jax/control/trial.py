@@ -20,7 +20,6 @@ from coopmm_jax.kinds.controllers import signals_of
 from coopmm_jax.kinds.registry import kind_of
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.mechanics.robot import JOINTS
 from coopmm_jax.parameters import Parameters, Structure
 
 _TRIALS = 64  # that are remembered: a scenario is made hundreds of times while it is loaded, varied and swept
@@ -79,8 +78,10 @@ class _Trial(NamedTuple):
     def check_command(self, command: Any) -> None:
         self.must(isinstance(command, Command), "command", "a Command(force, rates, signals)", command)
         force = command.force
-        sound = isinstance(force, tuple) and len(force) == 2 and all(_is_vector(f, JOINTS) for f in force)
-        self.must(sound, "command: force", f"a pair of tuples of {JOINTS} numbers, F on all joints", force)
+        joints = self.structure.joints
+        sound = isinstance(force, tuple) and len(force) == 2 and all(map(_is_vector, force, joints))
+        counts = " and ".join(map(str, dict.fromkeys(joints)))
+        self.must(sound, "command: force", f"a pair of tuples of {counts} numbers, F on all joints", force)
         self.must(callable(command.rates), "command: rates", "a function of the force error", command.rates)
         self.must(isinstance(command.signals, Mapping), "command: signals", "a dict by name", command.signals)
 

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 
 from coopmm_jax.algebra.matrix import minus, plus, scaled
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.mechanics.coordinates import Position, at_place
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.randomness import stream_key
-from coopmm_jax.mechanics.robot import ACTUATORS, COORDINATES, JOINTS, ROBOTS, of_each_actuator, per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position
+from coopmm_jax.mechanics.robot import CHAINED, JOINTS, PLATFORM, by_robot, of_each_actuator, per_robot
 from coopmm_jax.parameters import Hardware, Structure
 
 
@@ -33,9 +33,9 @@ class Noise(NamedTuple):
     steering: Pair[Scalar | None] = (None, None)  # of front axles [rad]
 
 
-def torque_limits(hardware: Hardware) -> Vector:
-    """Largest torque of one robot's actuators (5,) [N m]."""
-    return of_each_actuator(hardware.wheel_limit, hardware.joint_limit)
+def torque_limits(hardware: Hardware, count: int = JOINTS) -> Vector:
+    """Largest torque of each of one robot's actuators, as many as ``count`` [N m], a lift's [N]."""
+    return of_each_actuator(hardware.wheel_limit, hardware.joint_limit, count)
 
 
 def limited(structure: Structure, hardware: Hardware, torque: Vector) -> Vector:
@@ -44,7 +44,7 @@ def limited(structure: Structure, hardware: Hardware, torque: Vector) -> Vector:
     ``torque_limits`` clips; ``smooth_limits`` uses x / (1 + (x/limit)^8)^(1/8), within 0.1 % of x up to half the limit
     and never beyond it, whose gradient does not vanish at once.
     """
-    limits = torque_limits(hardware)
+    limits = torque_limits(hardware, len(torque))
     if structure.features.smooth_limits:
         return tuple(_smoothly(x, limit) for x, limit in zip(torque, limits, strict=True))
     if structure.features.torque_limits:
@@ -98,9 +98,10 @@ def draw_noise(structure: Structure, model: Model, sample: Scalar) -> Noise:
 
     The key is folded from seed, stream and sample number, so a rollout's noise does not depend on the batch it is in.
     """
-    hardware, n = model.hardware, JOINTS * ROBOTS - len(structure.rows)
+    hardware, n = model.hardware, sum(structure.joints) - len(structure.rows)
     key = stream_key(hardware)
-    coordinates = COORDINATES * ROBOTS
+    each = per_robot(lambda joints: joints - PLATFORM + CHAINED, structure.joints)
+    coordinates = sum(each)
     steered = [geometry.front is not None for geometry in model.geometry]
     others = coordinates + n + len(structure.rows)
     count = others + sum(steered)
@@ -109,7 +110,7 @@ def draw_noise(structure: Structure, model: Model, sample: Scalar) -> Noise:
     encoders = [hardware.encoder_noise * x for x in values[:coordinates]]
     further = iter(values[others:])
     return Noise(
-        (Position(*encoders[:COORDINATES]), Position(*encoders[COORDINATES:])),
+        per_robot(lambda own: at_place(own[:CHAINED], own[CHAINED:]), by_robot(encoders, each[0])),
         tuple(hardware.velocity_noise * x for x in values[coordinates : coordinates + n]),
         tuple(hardware.force_noise * x for x in values[coordinates + n : others]),
         per_robot(lambda steers: hardware.encoder_noise * next(further) if steers else None, steered),
@@ -158,7 +159,7 @@ def initial_devices(structure: Structure, zero: Scalar) -> Devices:
     rows = len(structure.rows)
     waiting = structure.force_delay if structure.features.force_lag else structure.force_delay - 1
     return Devices(
-        torque=(zero,) * (ROBOTS * ACTUATORS) if structure.features.actuator_lag else (),
+        torque=(zero,) * sum(structure.joints) if structure.features.actuator_lag else (),
         force=() if ideal_sensing(structure) else (zero,) * rows,
         late_forces=jnp.zeros((waiting, rows), jnp.result_type(zero)) if waiting > 0 else None,
     )

@@ -37,7 +37,7 @@ def independent_velocity(structure: Structure, truth: Kinematics, state: State) 
     """u^1 (n,) of the controller, which takes the contact for rigid, out of the plant's velocities."""
     if not structure.compliant:
         return state.velocity
-    return parted(partition(structure.rows), truth.velocity)[0]
+    return parted(partition(structure.rows, structure.joints), truth.velocity)[0]
 
 
 def act(now: Instant, command: Command) -> Action:
@@ -58,13 +58,13 @@ def _with_late_sensor(now: Instant, command: Command) -> Action:
     error = _error(now, now.state.devices.force)
     commanded, target = _torques(now, command, _wanted(now, error))
     lagging = now.structure.features.actuator_lag
-    applied = by_robot(now.state.devices.torque) if lagging else target
+    applied = by_robot(now.state.devices.torque, now.structure.joints[0]) if lagging else target
     return Action(error, commanded, target, applied, _response(now, applied))
 
 
 def _with_lagging_actuators(now: Instant, command: Command) -> Action:
     """The force follows from the torque applied now, whatever is decided."""
-    applied = by_robot(now.state.devices.torque)
+    applied = by_robot(now.state.devices.torque, now.structure.joints[0])
     moved = _response(now, applied)
     error = _error(now, moved.multipliers)
     return Action(error, *_torques(now, command, _wanted(now, error)), applied, moved)

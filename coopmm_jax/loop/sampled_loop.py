@@ -20,9 +20,10 @@ from coopmm_jax.loop.lookahead import at_begin, informed
 from coopmm_jax.loop.state import Signals, State
 from coopmm_jax.mechanics import plant
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
+from coopmm_jax.mechanics.coordinates import AnyPosition
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.robot import by_robot, per_robot
-from coopmm_jax.mechanics.robot_kinematics import AnyPosition, actuator_force, mismeasured
+from coopmm_jax.mechanics.robot_kinematics import actuator_force, mismeasured
 from coopmm_jax.parameters import Structure
 
 
@@ -114,7 +115,7 @@ def _driven(structure: Structure, known: tuple[Model, Pair[Vector]], t: Scalar, 
     model, target = known
     k = plant.plant_kinematics(structure, model, t, x.position, x.velocity, x.carriage)
     lagging = structure.features.actuator_lag
-    applied = by_robot(x.torque) if lagging else target
+    applied = by_robot(x.torque, structure.joints[0]) if lagging else target
     force = per_robot(actuator_force, model.geometry, x.position, applied)
     moved = plant.respond(structure, model, t, k, force)
     torque = torque_rates(model, target, x.torque) if lagging else ()

@@ -16,12 +16,13 @@ from coopmm_jax.loop.devices import initial_devices
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.compliant_contact import pressed_in
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
+from coopmm_jax.mechanics.coordinates import AnyPosition
 from coopmm_jax.mechanics.guide import carriage_step, first_phase, needs_carriage
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import dependent_solution, partition
 from coopmm_jax.mechanics.plant import plant_kinematics
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.mechanics.robot_kinematics import AnyPosition, arm_moved
+from coopmm_jax.mechanics.robot_kinematics import arm_moved
 from coopmm_jax.parameters import Parameters, Structure
 
 # Newton's steps: from the paper's printed angles six reach 1e-15; the rest is for distant starts.
@@ -38,7 +39,7 @@ class Start(NamedTuple):
 
 def initial_state(structure: Structure, model: Model, parameters: Parameters) -> Start:
     """Robots at rest on the constraints, by Newton's iteration on the dependent joints and a rail's carriage."""
-    n = sum(map(len, partition(structure.rows).independent))
+    n = sum(map(len, partition(structure.rows, structure.joints).independent))
     zero = parameters.plant.gravity * 0.0
     still = (zero,) * n
     rigid = structure._replace(contact="rigid")
@@ -62,7 +63,7 @@ def initial_state(structure: Structure, model: Model, parameters: Parameters) ->
         residual = jnp.maximum(residual, jnp.abs(phi))
     started = model.gains.start(Freedom.of(structure), zero)
     controller = jax.tree.map(lambda x: jnp.asarray(x, jnp.result_type(zero)), started)
-    velocity = (zero,) * sum(map(len, partition(structure.plant_rows).independent))
+    velocity = (zero,) * sum(map(len, partition(structure.plant_rows, structure.joints).independent))
     state = State(position, velocity, controller, initial_devices(structure, zero), carriage)
     return Start(state, residual, k.reduction.determinants)
 

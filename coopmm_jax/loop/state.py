@@ -9,7 +9,7 @@ from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
 from coopmm_jax.control.path_motion import Aim
 from coopmm_jax.loop.devices import Devices
 from coopmm_jax.mechanics.constrained_dynamics import Accelerations
-from coopmm_jax.mechanics.robot_kinematics import AnyPosition, Position
+from coopmm_jax.mechanics.coordinates import AnyPosition, Position
 
 
 class State(NamedTuple):

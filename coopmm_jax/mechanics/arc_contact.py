@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from coopmm_jax.algebra.matrix import dot, minus, plus, scaled, sub
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
-from coopmm_jax.mechanics.contact_surface import NormalRow, SurfaceMotion, arms_apart, to_arm1, to_arm2
-from coopmm_jax.mechanics.robot_kinematics import Position
+from coopmm_jax.mechanics.contact_surface import NormalRow, SurfaceMotion, arms_apart, to_arm1, to_arm2, turning_rate
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.parameters import Surface
 
 
@@ -67,7 +67,7 @@ class ArcContact(NamedTuple):
     def sliding_rows(self, tip: Pair) -> Pair[Vector]:
         """Rows (5,) in body rates of each robot whose sum is the speed of tip I along the arc [m/s]."""
         (e1, n1, _), (e2, n2, _) = tip
-        Rc, D1, D2, yaw = self.radius, self.D1, self.D2, (0, 0, 1, 0, 0)
+        Rc, D1, D2, yaw = self.radius, self.D1, self.D2, turning_rate(e2)
         along = plus(e2, scaled(-D2[1], yaw))
         across = plus(n2, scaled(D2[0] - Rc, yaw))
         slide1 = plus(scaled(-D1[1] / Rc, e1), scaled(D1[0] / Rc, n1))

@@ -17,7 +17,7 @@ from coopmm_jax.mechanics import partitioning, robot_dynamics
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.mechanics.robot_dynamics import Dynamics, Lumped, inertial_force, inverse_dynamics
+from coopmm_jax.mechanics.robot_dynamics import AnyLumped, Dynamics, inertial_force, inverse_dynamics
 
 
 class Accelerations(NamedTuple):
@@ -28,7 +28,7 @@ class Accelerations(NamedTuple):
     multipliers: Vector  # lambda (m,) [N]
 
 
-def both_dynamics(lumped: Pair[Lumped], k: Kinematics) -> Pair[Dynamics]:
+def both_dynamics(lumped: Pair[AnyLumped], k: Kinematics) -> Pair[Dynamics]:
     """Inertia and bias of both robots, for the plant's or the controller's lumped parameters."""
     return per_robot(robot_dynamics.dynamics, lumped, k.factors, k.bodies.T, k.T_rate, k.front)
 

@@ -10,13 +10,14 @@ from coopmm_jax.mechanics import robot_dynamics
 from coopmm_jax.mechanics.compliant_contact import Touch
 from coopmm_jax.mechanics.constraints import Bodies, bodies, constraint_rows, convective
 from coopmm_jax.mechanics.contact_surface import SurfaceMotion
+from coopmm_jax.mechanics.coordinates import AnyPosition, LongPosition
 from coopmm_jax.mechanics.guide import Guide, in_rows, sideways_rate
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import Reduction, dependent_solution, expand, reduce
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.mechanics.robot_dynamics import Factors
-from coopmm_jax.mechanics.robot_kinematics import AnyPosition, Posture, body_map_rate
-from coopmm_jax.mechanics.two_axles import FrontMotion, LongPosition, front_motion
+from coopmm_jax.mechanics.robot_dynamics import AnyFactors
+from coopmm_jax.mechanics.robot_kinematics import AnyPosture, body_map_rate
+from coopmm_jax.mechanics.two_axles import FrontMotion, front_motion
 from coopmm_jax.parameters import Geometry
 
 NO_GUIDE = Guide()
@@ -28,7 +29,7 @@ class Kinematics(NamedTuple):
     bodies: Bodies
     reduction: Reduction
     velocity: Pair[Vector]  # u = L u^1 of each robot (5,)
-    factors: Pair[Factors]
+    factors: Pair[AnyFactors]
     L_rate: Pair[Vector]  # Ldot u^1 of each robot (5,)
     T_rate: Pair[Vector]  # Tdot u of each robot (5,)
     front: Pair[FrontMotion | None] = (None, None)  # of each platform on two axles
@@ -55,7 +56,8 @@ def kinematics(
     """
     surface = model.surface if guide.lift is None else model.surface._replace(guide_height=guide.lift.height)
     b = bodies(surface, model.geometry, position, guide.track)
-    reduction = reduce(constraint_rows(surface, rows, b, motion), rows)
+    joints = per_robot(lambda T: len(T.rows[0]), b.T)
+    reduction = reduce(constraint_rows(surface, rows, b, motion), rows, joints)
     velocity = expand(reduction, independent)
     phi_rate, phi_acceleration = _over_time(rows, b, motion, guide)
     if not all(map(is_zero, phi_rate)):
@@ -63,7 +65,7 @@ def kinematics(
     T_rate = per_robot(body_map_rate, model.geometry, position, velocity)
     bias = plus(convective(surface, model.geometry, rows, b, velocity, T_rate), phi_acceleration)
 
-    def factors(geometry: Geometry, arm: Posture, T: Matrix, u: Vector) -> Factors:
+    def factors(geometry: Geometry, arm: AnyPosture, T: Matrix, u: Vector) -> AnyFactors:
         return robot_dynamics.factors(geometry, model.gravity, arm, T @ u)
 
     each = per_robot(factors, model.geometry, b.arm, b.T, velocity)

@@ -15,10 +15,11 @@ from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.mechanics import robot_kinematics
 from coopmm_jax.mechanics.arc_contact import ArcContact, arc_contact
 from coopmm_jax.mechanics.contact_surface import SurfaceMotion
+from coopmm_jax.mechanics.coordinates import AnyPosition, Position
 from coopmm_jax.mechanics.guide import GuideFrame, Track, guide_frame, sideways, sideways_bias, sideways_row
 from coopmm_jax.mechanics.level_contact import LevelContact, level_contact
-from coopmm_jax.mechanics.robot import JOINTS, per_robot
-from coopmm_jax.mechanics.robot_kinematics import AnyPosition, Position, Posture
+from coopmm_jax.mechanics.robot import per_robot
+from coopmm_jax.mechanics.robot_kinematics import AnyPosture
 from coopmm_jax.parameters import Geometry, Surface
 
 
@@ -27,7 +28,7 @@ class Bodies(NamedTuple):
 
     position: Pair[AnyPosition]
     place: Pair[Position]  # the same in the coordinates of (6)
-    arm: Pair[Posture]
+    arm: Pair[AnyPosture]
     T: Pair[Matrix]  # body rates from u
     tip: Pair[tuple[Vector, Vector, Vector]]  # Jacobian rows along e, n, up
     contact: ArcContact | LevelContact
@@ -77,7 +78,7 @@ def constraint_rows(surface: Surface, names: tuple[str, ...], b: Bodies, motion:
         motion: of the object's surface now, where it moves.
     """
     Rg, at, (_, _, up1), (e2, n2, up2) = surface.guide_radius, b.contact, *b.tip
-    none = (0,) * JOINTS
+    none = (0,) * len(up1)
     p = at.tip2
     table = {
         "contact_normal": at.normal_row(b.tip, motion),

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from coopmm_jax.algebra.sincos import sincos
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
-from coopmm_jax.mechanics.robot_kinematics import Position
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.parameters import Hardware
 
 NormalRow = tuple[Scalar, Vector, Vector]  # phi [m], and its gradient in the body rates (5,) of robot I and of II
@@ -24,6 +24,11 @@ def arms_apart(position: Pair[Position]) -> tuple[Scalar, Scalar]:
     """Sine and cosine, as scalars, of arm I's direction less arm II's."""
     one, two = position
     return sincos((one.z1 - two.z1) + (one.a1 - two.a1))
+
+
+def turning_rate(row: Vector) -> Vector:
+    """Row (n,) of an arm's yaw rate W in its robot's body rates, of which ``row`` is another."""
+    return (0, 0, 1, *(0,) * (len(row) - 3))
 
 
 def to_arm1(turn: tuple[Scalar, Scalar], vector: Vector) -> Vector:

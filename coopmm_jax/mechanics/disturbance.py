@@ -9,7 +9,7 @@ from coopmm_jax.algebra.sincos import sincos
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.kinds.disturbances import Disturbance
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
-from coopmm_jax.mechanics.robot import JOINTS, ROBOTS, of_each_actuator, per_robot
+from coopmm_jax.mechanics.robot import JOINTS, of_each_actuator, per_robot
 from coopmm_jax.mechanics.robot_kinematics import actuator_force
 
 
@@ -20,8 +20,8 @@ class Disturbing(NamedTuple):
     force: Vector | None  # on the object, along the world's x, y and z (3,) [N]; None: none
 
 
-def disturbing(disturbances: tuple[Disturbance, ...], t: Scalar) -> Disturbing:
-    """All disturbances at time t [s], scalars.
+def disturbing(disturbances: tuple[Disturbance, ...], t: Scalar, joints: Pair[int] = (JOINTS, JOINTS)) -> Disturbing:
+    """All disturbances at time t [s], scalars, of robots with so many joints.
 
     >>> disturbing((Disturbance(scale=0.0),), 0.0).force is None
     True
@@ -30,7 +30,7 @@ def disturbing(disturbances: tuple[Disturbance, ...], t: Scalar) -> Disturbing:
     for each in disturbances:
         strength = each.scale * each.wave.value(t)
         if any(amplitude is not None for amplitude in _amplitudes(each)):
-            torques.append(_torques(each, strength))
+            torques.append(_torques(each, strength, joints))
         if each.force is not None:
             forces.append(scaled(strength, each.force))
     torque = per_robot(lambda of_one: plus(*of_one), tuple(zip(*torques))) if torques else None
@@ -43,16 +43,17 @@ def _amplitudes(disturbance: Disturbance) -> tuple[Any, ...]:
     return (disturbance.wheel, disturbance.joint, *own, disturbance.joint_3)
 
 
-def _torques(disturbance: Disturbance, strength: Scalar) -> Pair[Vector]:
-    """Torques against each robot's actuators (5,) [N m]."""
+def _torques(disturbance: Disturbance, strength: Scalar, joints: Pair[int]) -> Pair[Vector]:
+    """Torques against each robot's actuators (5,) [N m], a lift's [N]."""
     amplitudes = _amplitudes(disturbance)
 
     def of_robot(robot: int) -> Vector:
         wheel, joint, *own = (_times(strength, a[robot] if isinstance(a, tuple) else a) for a in amplitudes)
-        common = of_each_actuator(0 if wheel is None else wheel, 0 if joint is None else joint)
-        return tuple(x if single is None else single for x, single in zip(common, own, strict=True))
+        common = of_each_actuator(0 if wheel is None else wheel, 0 if joint is None else joint, joints[robot])
+        singles = (*own, *(None,) * len(common))[: len(common)]
+        return tuple(x if single is None else single for x, single in zip(common, singles, strict=True))
 
-    if any(isinstance(amplitude, tuple) for amplitude in amplitudes):
+    if joints[0] != joints[1] or any(isinstance(amplitude, tuple) for amplitude in amplitudes):
         return of_robot(0), of_robot(1)
     both = of_robot(0)
     return both, both
@@ -80,6 +81,7 @@ def disturbance_force(disturbances: tuple[Disturbance, ...], t: Scalar, geometry
         geometry: of both robots.
         k: kinematics of the plant.
     """
-    now, none = disturbing(disturbances, t), ((0,) * JOINTS,) * ROBOTS
+    joints = per_robot(len, k.velocity)
+    now, none = disturbing(disturbances, t, joints), per_robot(lambda count: (0,) * count, joints)
     first, second = none if now.torque is None else per_robot(actuator_force, geometry, k.bodies.position, now.torque)
     return first, second if now.force is None else minus(second, force_on_joints(now.force, k))

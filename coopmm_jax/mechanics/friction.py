@@ -20,8 +20,8 @@ def friction_torque(hardware: Hardware, rates: Vector) -> Vector:
         hardware: coefficients, as scalars.
         rates: of wheels and joints (5,) [rad/s].
     """
-    viscous = of_each_actuator(hardware.wheel_viscous, hardware.joint_viscous)
-    coulomb = of_each_actuator(hardware.wheel_coulomb, hardware.joint_coulomb)
+    viscous = of_each_actuator(hardware.wheel_viscous, hardware.joint_viscous, len(rates))
+    coulomb = of_each_actuator(hardware.wheel_coulomb, hardware.joint_coulomb, len(rates))
     return tuple(
         b * rate + c * smooth_sign(rate, hardware.friction_speed)
         for b, c, rate in zip(viscous, coulomb, rates, strict=True)

@@ -15,8 +15,8 @@ from coopmm_jax.algebra.sincos import sincos
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.kinds.courses import is_course, value_and_rates
 from coopmm_jax.kinds.paths import Frame, bent_frame
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.mechanics.model import Model
-from coopmm_jax.mechanics.robot_kinematics import Position
 from coopmm_jax.parameters import MovingRail, Rail
 
 

@@ -18,8 +18,8 @@ import jax.numpy as jnp
 
 from coopmm_jax.algebra.matrix import dot, minus, plus, scaled
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
-from coopmm_jax.mechanics.contact_surface import NormalRow, SurfaceMotion, arms_apart, to_arm1, to_arm2
-from coopmm_jax.mechanics.robot_kinematics import Position
+from coopmm_jax.mechanics.contact_surface import NormalRow, SurfaceMotion, arms_apart, to_arm1, to_arm2, turning_rate
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.mechanics.surfaces import Shape
 
 
@@ -55,7 +55,7 @@ class LevelContact(NamedTuple):
         """Gradient along arm II's axes, and along arm I's, as rows (5,) in the body rates of both robots."""
         (e1, n1, _), (e2, n2, _) = tip
         (g, h), X = gradient, self.point
-        turning = (0, 0, g * X[1] - h * X[0], 0, 0)  # X turns against arm II
+        turning = scaled(g * X[1] - h * X[0], turning_rate(e2))  # X turns against arm II
         return (
             plus(scaled(gradient1[0], e1), scaled(gradient1[1], n1)),
             minus(turning, plus(scaled(g, e2), scaled(h, n2))),
@@ -85,7 +85,7 @@ class LevelContact(NamedTuple):
         """Rows (5,) in body rates of each robot whose sum is the speed of tip I along the surface [m/s]."""
         (e1, n1, _), (e2, n2, _) = tip
         (g, h), (g1, h1), X, inverse = self.gradient, self.gradient1, self.point, 1.0 / self.size
-        yaw = (0, 0, 1, 0, 0)
+        yaw = turning_rate(e2)
         along, across = plus(e2, scaled(-X[1], yaw)), plus(n2, scaled(X[0], yaw))
         return (
             scaled(inverse, plus(scaled(h1, e1), scaled(-g1, n1))),

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from coopmm_jax.algebra.sincos import wrapped
 from coopmm_jax.algebra.types import Pair, PyTree, Scalar, Vector
 from coopmm_jax.kinds.courses import current
 from coopmm_jax.kinds.disturbances import Disturbance
 from coopmm_jax.mechanics.randomness import drawn_before
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.mechanics.robot_dynamics import Lumped, lump
-from coopmm_jax.mechanics.robot_kinematics import arm_angles
+from coopmm_jax.mechanics.robot_dynamics import AnyLumped, lump
+from coopmm_jax.mechanics.robot_kinematics import arm_joints
 from coopmm_jax.mechanics.units import units_of, with_unit
 from coopmm_jax.parameters import (
     Geometry,
@@ -32,12 +31,12 @@ class Model(NamedTuple):
     geometry: Pair[Geometry]
     surface: Surface
     gravity: Scalar
-    plant: Pair[Lumped]
-    nominal: Pair[Lumped]  # the controller's
+    plant: Pair[AnyLumped]
+    nominal: Pair[AnyLumped]  # the controller's
     gains: PyTree  # in force: the loop puts those of the schedule here at each instant
     disturbance: tuple[Disturbance, ...]
     reference: Reference | PathReference
-    posture: Pair[Vector]  # desired (a2, a3) of each robot where they are independent [rad]
+    posture: Pair[Vector]  # desired joints of each robot after its yaw, where they are independent [rad], a lift's [m]
     hardware: Hardware
     guide: Any  # Rail, MovingRail or None
     schedule: Schedule | PhaseSchedule | None  # of gains that change
@@ -76,7 +75,9 @@ def _prepared(parameters: Parameters) -> tuple[Disturbance, ...]:
 
 
 def nominal_posture(parameters: Parameters) -> Pair[Vector]:
-    """(a2, a3) of each robot when every reference is met: what a joint that no row fixes is asked to hold.
+    """Joints after the yaw, (a2, a3), of each robot when every reference is met.
+
+    It is what a joint that no row fixes is asked to hold. Joints that no reference needs stay where they start.
 
     Robot II's arm works over its back (arm yaw pi/2 points at the centre), so its reach is the platform's radius less
     the object's; robot I reaches Rc to the object's arc, and to the middle of another surface what is between its
@@ -93,6 +94,6 @@ def nominal_posture(parameters: Parameters) -> Pair[Vector]:
         reaches = (to_surface, radius[1] - surface.guide_radius)
 
     def angles(g: Geometry, reach: Scalar, start: Pose) -> Vector:
-        return arm_angles(g, reach, height - 2.0 * g.l1, wrapped(start.a3))
+        return arm_joints(g, reach, height - 2.0 * g.l1, start.joints)
 
     return per_robot(angles, plant.geometry, reaches, parameters.start)

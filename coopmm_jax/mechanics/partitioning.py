@@ -1,8 +1,9 @@
 """Coupling of the robots: the map L of (10) from the independent velocities u^1 to all of them, and its uses.
 
-Each constraint row makes one joint dependent: contact rows (a2, a3) of robot I (a3 alone when only one of them is left:
-at the nominal posture sin A + sin B = 0, so a2 does not move the normal row there), guide rows (a2, a3) of robot II;
-where the contact is compliant, the plant may have neither. J is block triangular over the dependent joints because the
+Each constraint row makes one joint dependent, the last ones of an arm: contact rows (a2, a3) of robot I (a3 alone when
+only one of them is left: at the nominal posture sin A + sin B = 0, so a2 does not move the normal row there), guide
+rows (a2, a3) of robot II; where the contact is compliant, the plant may have neither. Joints that an arm has more than
+these are independent, as its yaw is. J is block triangular over the dependent joints because the
 guide does not see robot I,
 
     J_dep = [[N1, N2], [0, G2]],
@@ -25,7 +26,7 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.matrix import Matrix, cholesky_solve, dot, identity, inverse_small, is_zero, minus, plus, sub
 from coopmm_jax.algebra.types import Pair, Scalar, T, Vector
 from coopmm_jax.mechanics.constraints import Rows
-from coopmm_jax.mechanics.robot import JOINTS, PITCH_JOINTS, per_robot
+from coopmm_jax.mechanics.robot import JOINTS, YAW, per_robot
 
 
 class Partition(NamedTuple):
@@ -35,16 +36,18 @@ class Partition(NamedTuple):
     dependent: Pair[tuple[int, ...]]
 
 
-def partition(rows: tuple[str, ...]) -> Partition:
-    """The split of (10) for a set of rows; static.
+def partition(rows: tuple[str, ...], joints: Pair[int] = (JOINTS, JOINTS)) -> Partition:
+    """The split of (10) for a set of rows and numbers of joints, as ``Structure`` has them; static.
 
     >>> partition(("contact_normal",)).dependent
     ((4,), ())
     """
     contacts = sum(name.startswith("contact") for name in rows)
-    dependent = per_robot(lambda own: PITCH_JOINTS[len(PITCH_JOINTS) - own :], (contacts, len(rows) - contacts))
-    independent = per_robot(lambda taken: tuple(j for j in range(JOINTS) if j not in taken), dependent)
-    return Partition(independent, dependent)
+    taken = (contacts, len(rows) - contacts)
+    for count, own in zip(joints, taken, strict=True):
+        assert count - own > YAW, "an arm has fewer joints than rows ask for"
+    dependent = per_robot(lambda count, own: tuple(range(count - own, count)), joints, taken)
+    return Partition(per_robot(lambda count, own: tuple(range(count - own)), joints, taken), dependent)
 
 
 class Reduction(NamedTuple):
@@ -67,9 +70,9 @@ def _columns(matrix: Matrix, rows: slice, columns: tuple[int, ...]) -> Matrix:
     return Matrix([[row[j] for j in columns] for row in matrix.rows[rows]])
 
 
-def reduce(rows: Rows, names: tuple[str, ...]) -> Reduction:
+def reduce(rows: Rows, names: tuple[str, ...], joints: Pair[int] = (JOINTS, JOINTS)) -> Reduction:
     """Solve J u = 0 for the dependent joints: L of (10) as N R, and what the solves below need."""
-    part = partition(names)
+    part = partition(names, joints)
     contact, guide = slice(0, rows.contacts), slice(rows.contacts, None)
     J1, J2 = rows.J
     N1_inverse, determinants = _NOTHING, ()
@@ -117,7 +120,7 @@ def joined(part: Partition, independent: Sequence[T], dependent: Pair[Sequence[T
 
     def all_joints(free: tuple[int, ...], own: Sequence[T], bound: tuple[int, ...], values: Sequence[T]) -> tuple:
         entries = dict(zip((*free, *bound), (*own, *values), strict=True))
-        return tuple(entries[joint] for joint in range(JOINTS))
+        return tuple(entries[joint] for joint in range(len(entries)))
 
     return per_robot(all_joints, part.independent, split(part, independent), part.dependent, dependent)
 

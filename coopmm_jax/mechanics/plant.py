@@ -8,19 +8,14 @@ from coopmm_jax.mechanics.compliant_contact import contact_push, touch
 from coopmm_jax.mechanics.constrained_dynamics import Accelerations, constrained_accelerations
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics, kinematics
 from coopmm_jax.mechanics.contact_surface import surface_motion
+from coopmm_jax.mechanics.coordinates import AnyPosition
 from coopmm_jax.mechanics.disturbance import disturbing, force_on_joints
 from coopmm_jax.mechanics.friction import friction_torque, tip_friction
 from coopmm_jax.mechanics.guide import carriage_step, guide_at, needs_carriage, tip_velocity
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import dependent_solution
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.mechanics.robot_kinematics import (
-    AnyPosition,
-    actuator_force,
-    actuator_rates,
-    arm_moved,
-    position_rates,
-)
+from coopmm_jax.mechanics.robot_kinematics import actuator_force, actuator_rates, arm_moved, position_rates
 from coopmm_jax.parameters import Geometry, Structure
 
 # Rate [1/s] at which drift of the dependent joints off the constraints decays. RK4 at 1 ms leaves about 1e-12 m a step;
@@ -79,7 +74,7 @@ def respond(structure: Structure, model: Model, t: Scalar, k: Kinematics, force:
 
     The multipliers are those of all rows, the force of a compliant contact among them.
     """
-    opposing = disturbing(model.disturbance, t)
+    opposing = disturbing(model.disturbance, t, per_robot(len, k.velocity))
 
     def driving(exerted: Vector, geometry: Geometry, position: AnyPosition, u: Vector, losses: Vector | None) -> Vector:
         if structure.features.friction:

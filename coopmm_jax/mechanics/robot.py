@@ -1,5 +1,7 @@
 """One robot in numbers: how many velocities, coordinates and actuators it has, and in which order.
 
+These are of the paper's arm; ``Structure.joints`` has the numbers of other arms, whose further joints come last.
+
 >>> of_each_actuator("wheel", "joint")
 ('wheel', 'wheel', 'joint', 'joint', 'joint')
 """
@@ -14,22 +16,20 @@ from coopmm_jax.algebra.types import Pair, T
 PLATFORM = 2  # velocities u1, u2 of the platform, before those of the arm
 ARM_JOINTS = 3  # yaw, then two pitch joints
 JOINTS = PLATFORM + ARM_JOINTS  # velocities u of (9)
-PITCH_JOINTS = (3, 4)  # of the arm, a2 and a3, among u
+YAW = PLATFORM  # place of the arm's yaw among u, before the joints that lift and pitch
 CHAINED = 3  # coordinates z1, z2, z3 of the platform, before the arm's angles
-COORDINATES = CHAINED + ARM_JOINTS
-WHEELS = 2  # right, left: actuators before those of the arm's joints
-ACTUATORS = WHEELS + ARM_JOINTS
+WHEELS = 2  # right, left: actuators before those of the arm's joints, so as many as velocities
 ROBOTS = 2
 
 
-def of_each_actuator(wheel: T, joint: T) -> tuple[T, ...]:
-    """One value for each actuator of a robot (5,)."""
-    return (wheel,) * WHEELS + (joint,) * ARM_JOINTS
+def of_each_actuator(wheel: T, joint: T, count: int = JOINTS) -> tuple[T, ...]:
+    """One value for each of a robot's actuators, as many as ``count``."""
+    return (wheel,) * WHEELS + (joint,) * (count - WHEELS)
 
 
-def by_robot(actuators: Sequence[T]) -> Pair[tuple[T, ...]]:
-    """Values of both robots' actuators (10,), as (5,) of each."""
-    return tuple(actuators[:ACTUATORS]), tuple(actuators[ACTUATORS:])
+def by_robot(actuators: Sequence[T], first: int) -> Pair[tuple[T, ...]]:
+    """Values of both robots' actuators, as those of each; ``first`` are robot I's."""
+    return tuple(actuators[:first]), tuple(actuators[first:])
 
 
 def per_robot(function: Callable[..., T], *pairs: Sequence[Any]) -> Pair[T]:

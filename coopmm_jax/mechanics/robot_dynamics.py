@@ -2,6 +2,7 @@
 
 Both are written in body rates, w = (V, w, W, Adot, Bdot), where the inertia matrix is sparsest, and are linear in a few
 lumped masses. What does not depend on masses is computed once for the plant and the controller's nominal model.
+``link_dynamics`` has arms with other links.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ from typing import NamedTuple
 
 from coopmm_jax.algebra.matrix import Matrix, plus
 from coopmm_jax.algebra.types import Scalar, Vector
-from coopmm_jax.mechanics import two_axles
-from coopmm_jax.mechanics.robot_kinematics import Posture
+from coopmm_jax.mechanics import link_dynamics, two_axles
+from coopmm_jax.mechanics.link_dynamics import LinkFactors, LinkLumped
+from coopmm_jax.mechanics.pitch_links import LinkPosture, lifts
+from coopmm_jax.mechanics.robot_kinematics import AnyPosture, Posture
 from coopmm_jax.mechanics.two_axles import FrontLumped, FrontMotion
-from coopmm_jax.parameters import Geometry, Inertia
+from coopmm_jax.parameters import Geometry, Inertia, LinkInertia
 
 
 class Lumped(NamedTuple):
@@ -35,9 +38,14 @@ class Lumped(NamedTuple):
     front: FrontLumped | None = None  # of a platform on two axles
 
 
-def lump(geometry: Geometry, inertia: Inertia) -> Lumped:
+AnyLumped = Lumped | LinkLumped
+
+
+def lump(geometry: Geometry, inertia: Inertia) -> AnyLumped:
     """Lumped parameters of one robot (masses [kg], inertias [kg m^2], lengths [m])."""
     g, i = geometry, inertia
+    if g.arm is not None and i.links is not None:
+        return _lump_links(g, i, i.links)
     arm = i.m2 + i.m3 + i.m_obj
     on_mount = i.m1 + arm
     return Lumped(
@@ -50,6 +58,23 @@ def lump(geometry: Geometry, inertia: Inertia) -> Lumped:
         Jp=i.I2 + g.l2**2 * (i.m2 + 4.0 * (i.m3 + i.m_obj)),
         Spq=g.l2 * g.l3 * (2.0 * i.m3 + 4.0 * i.m_obj),
         Jq=i.I3 + g.l3**2 * (i.m3 + 4.0 * i.m_obj),
+        front=None if g.front is None or i.front is None else two_axles.front_lumped(g.front, i.front),
+    )
+
+
+def _lump_links(g: Geometry, i: Inertia, links: LinkInertia) -> LinkLumped:
+    assert g.arm is not None
+    arm = sum(links.m_links, start=i.m_obj)
+    on_mount = i.m1 + arm
+    S, J = link_dynamics.moments(g.arm.l_links, links, i.m_obj)
+    return LinkLumped(
+        platform=i.m_p + on_mount + 2.0 * i.I_w / g.r**2,
+        yaw=i.m_p * g.d**2 + i.I_p + 2.0 * i.I_w * (g.l / g.r) ** 2 + on_mount * g.mount_offset**2,
+        platform_moment=i.m_p * g.d + on_mount * g.mount_offset,
+        column=i.I1,
+        arm=arm,
+        S=S,
+        J=J,
         front=None if g.front is None or i.front is None else two_axles.front_lumped(g.front, i.front),
     )
 
@@ -76,12 +101,17 @@ class Factors(NamedTuple):
     inward: tuple[Vector, Vector]  # (V, w): forces on the platform of unit first moments along p and q
 
 
-def factors(geometry: Geometry, gravity: Scalar, arm: Posture, rates: Vector) -> Factors:
+AnyFactors = Factors | LinkFactors
+
+
+def factors(geometry: Geometry, gravity: Scalar, arm: AnyPosture, rates: Vector) -> AnyFactors:
     """``Factors`` at body rates (V, w, W, Adot, Bdot), by Kane's partial velocities.
 
     Each point mass contributes (partial velocity) . (acceleration with constant body rates), whose parts along the
     arm's axes e and n are ``base`` of the mount, and ``radial`` and ``coriolis`` of the mass relative to it.
     """
+    if isinstance(arm, LinkPosture):
+        return link_dynamics.factors(geometry, gravity, arm, rates)
     b = geometry.mount_offset
     V, w, W, A, B = rates
     s1, c1, sA, cA, sB, cB = arm[:6]
@@ -116,8 +146,12 @@ def factors(geometry: Geometry, gravity: Scalar, arm: Posture, rates: Vector) ->
     )
 
 
-def body_inertia(m: Lumped, f: Factors) -> Matrix:
+def body_inertia(m: AnyLumped, f: AnyFactors) -> Matrix:
     """Inertia matrix (5 x 5) in body rates (V, w, W, Adot, Bdot); symmetric positive definite."""
+    if isinstance(m, LinkLumped) and isinstance(f, LinkFactors):
+        return link_dynamics.body_inertia(m, f)
+    assert isinstance(m, Lumped)
+    assert isinstance(f, Factors)
     arm, (bs, bc) = f.arm, f.mount
     first = m.Sp * arm.cA + m.Sq * arm.cB  # sum m rho: first moment of the arm along e
     W = m.column + m.Jp * f.cA_cA + m.Spq * (2.0 * f.cA_cB) + m.Jq * f.cB_cB
@@ -135,8 +169,12 @@ def body_inertia(m: Lumped, f: Factors) -> Matrix:
     )
 
 
-def body_bias(m: Lumped, f: Factors) -> Vector:
+def body_bias(m: AnyLumped, f: AnyFactors) -> Vector:
     """Coriolis, centrifugal and gravity forces in body rates (5,) [N, N m, N m, N m, N m]."""
+    if isinstance(m, LinkLumped) and isinstance(f, LinkFactors):
+        return link_dynamics.body_bias(m, f)
+    assert isinstance(m, Lumped)
+    assert isinstance(f, Factors)
     V, w = f.rates[:2]
     WW, AA, BB = f.squares
     (VA, wA), (VB, wB) = f.inward
@@ -153,8 +191,12 @@ def body_bias(m: Lumped, f: Factors) -> Vector:
     )
 
 
-def gravity_force(m: Lumped, gravity: Scalar, arm: Posture) -> Vector:
+def gravity_force(m: AnyLumped, gravity: Scalar, arm: AnyPosture, geometry: Geometry) -> Vector:
     """G_i2 of (9) in u (5,): what holds the arm's weight [0, 0, 0, N m, N m]."""
+    if isinstance(m, LinkLumped) and isinstance(arm, LinkPosture) and geometry.arm is not None:
+        return link_dynamics.gravity_force(m, gravity, arm, lifts(geometry.arm))
+    assert isinstance(m, Lumped)
+    assert isinstance(arm, Posture)
     A, B = m.Sp * gravity * arm.cA, m.Sq * gravity * arm.cB
     return (0, 0, 0, A + B, B)
 
@@ -171,7 +213,7 @@ class Dynamics(NamedTuple):
     T_rate: Vector  # Tdot u
 
 
-def dynamics(lumped: Lumped, f: Factors, T: Matrix, T_rate: Vector, front: FrontMotion | None = None) -> Dynamics:
+def dynamics(lumped: AnyLumped, f: AnyFactors, T: Matrix, T_rate: Vector, front: FrontMotion | None = None) -> Dynamics:
     """Inertia and bias of one robot.
 
     Args:

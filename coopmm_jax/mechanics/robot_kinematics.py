@@ -4,36 +4,22 @@ Positions are kept in the chained coordinates z1 = th, z2 = x cos th + y sin th,
 the platform's angle and its world position seen from its own axes (lateral, forward): no trigonometry of th is needed
 until two robots meet. Between positions and forces stand the *body rates*, w = (V, w, W, Adot, Bdot): forward speed,
 platform yaw rate, arm yaw rate, absolute pitch rates of both links, with w = T(z2) u for the coordinates
-u = (u1, u2, a1dot, a2dot, a3dot) of (9).
+u = (u1, u2, a1dot, a2dot, a3dot) of (9). ``pitch_links`` has the arms with other links: where one is described here as
+(5,) it has as many entries as the robot has joints.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
 from coopmm_jax.algebra.matrix import Matrix, plus
-from coopmm_jax.algebra.sincos import sincos
+from coopmm_jax.algebra.sincos import sincos, wrapped
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
-from coopmm_jax.mechanics import two_axles
-from coopmm_jax.mechanics.robot import ARM_JOINTS, PLATFORM, per_robot
-from coopmm_jax.mechanics.two_axles import LongPosition
+from coopmm_jax.mechanics import pitch_links, two_axles
+from coopmm_jax.mechanics.coordinates import AnyPosition, LongPosition, Position, arm_of, at_place, platform_of
+from coopmm_jax.mechanics.pitch_links import LinkPosture
+from coopmm_jax.mechanics.robot import PLATFORM, per_robot
 from coopmm_jax.parameters import Geometry, Pose
-
-
-class Position(NamedTuple):
-    """Chained coordinates [rad, m, m] and joint angles [rad] of one robot; also used for their rates."""
-
-    z1: Scalar
-    z2: Scalar
-    z3: Scalar
-    a1: Scalar
-    a2: Scalar
-    a3: Scalar
-
-
-AnyPosition = Position | LongPosition
 
 
 class Posture(NamedTuple):
@@ -49,10 +35,13 @@ class Posture(NamedTuple):
     height: Scalar  # of the tip [m]
 
 
+AnyPosture = Posture | LinkPosture
+
+
 def chained(pose: Pose) -> Position:
     """(6): chained coordinates of a pose (x, y, th, a1, a2, a3)."""
     lateral, forward = in_platform(pose.x, pose.y, sincos(pose.th))
-    return Position(pose.th, lateral, forward, pose.a1, pose.a2, pose.a3)
+    return at_place((pose.th, lateral, forward), (pose.a1, *pose.joints))
 
 
 def standing(geometry: Geometry, pose: Pose, rho: Scalar) -> AnyPosition:
@@ -73,7 +62,7 @@ def standing(geometry: Geometry, pose: Pose, rho: Scalar) -> AnyPosition:
 def placed(geometry: Geometry, position: AnyPosition) -> Position:
     """Coordinates of (6) and joint angles, whatever the platform has more."""
     if geometry.front is not None and isinstance(position, LongPosition):
-        return Position(*two_axles.place(geometry.front, position), *arm_of(position))
+        return at_place(two_axles.place(geometry.front, position), arm_of(position))
     assert isinstance(position, Position)
     return position
 
@@ -113,21 +102,16 @@ def mismeasured(geometry: Geometry, position: AnyPosition, error: Position, bend
     """
     front = geometry.front
     if front is None or bend is None or not isinstance(position, LongPosition):
-        return Position(*plus(position, error))
+        return type(position)(*plus(position, error))
     read = plus(placed(geometry, position), error)
     rho = two_axles.turning_radius(front, two_axles.steering(front, position) + bend)
     return two_axles.lengthened(front, read[:3], rho, read[3:])
 
 
-def arm_of(position: AnyPosition) -> Vector:
-    """Joint angles (3,) [rad]."""
-    return position[-ARM_JOINTS:]
-
-
 def unchained(position: Position) -> Vector:
     """Inverse of ``chained``: (x, y, th, a1, a2, a3) in the world (6,) [m, rad]."""
     x, y = in_world(position.z2, position.z3, sincos(position.z1))
-    return x, y, position.z1, position.a1, position.a2, position.a3
+    return x, y, position.z1, *arm_of(position)
 
 
 def in_platform(x: Any, y: Any, turn: tuple[Any, Any]) -> tuple[Any, Any]:
@@ -156,17 +140,19 @@ def chained_rates(position: Position, u1: Scalar, u2: Scalar) -> tuple[Scalar, S
 def position_rates(position: AnyPosition, u: Vector) -> AnyPosition:
     """(8) and the arm: rates of a robot's coordinates from its velocities u (5,)."""
     if isinstance(position, LongPosition):
-        return LongPosition(u[0], u[0] * position.z3, u[0] * position.z4, u[1], *u[PLATFORM:])
-    return Position(*chained_rates(position, u[0], u[1]), *u[PLATFORM:])
+        return type(position)(u[0], u[0] * position.z3, u[0] * position.z4, u[1], *u[PLATFORM:])
+    return type(position)(*chained_rates(position, u[0], u[1]), *u[PLATFORM:])
 
 
 def arm_moved(position: AnyPosition, change: Vector) -> AnyPosition:
     """A position (or its rates) with the arm's entries of ``change`` (5,) added to its joints."""
-    return type(position)(*position[:-ARM_JOINTS], *plus(arm_of(position), change[PLATFORM:]))
+    return type(position)(*position[: platform_of(position)], *plus(arm_of(position), change[PLATFORM:]))
 
 
-def posture(geometry: Geometry, position: AnyPosition) -> Posture:
+def posture(geometry: Geometry, position: AnyPosition) -> AnyPosture:
     """Trigonometry of the arm, evaluated once and shared by everything below."""
+    if geometry.arm is not None:
+        return pitch_links.posture(geometry.arm, geometry.l1, arm_of(position))
     s1, c1 = sincos(position.a1)
     sA, cA = sincos(position.a2)
     sB, cB = sincos(position.a2 + position.a3)
@@ -178,15 +164,21 @@ def posture(geometry: Geometry, position: AnyPosition) -> Posture:
 def body_map(geometry: Geometry, position: AnyPosition) -> Matrix:
     """T(z2) (5 x 5) with body rates = T u: T2 of (7) and the absolute angles in one matrix."""
     if geometry.front is not None and isinstance(position, LongPosition):
-        return two_axles.body_map(geometry.front, position)
-    return Matrix([[position.z2, 1, 0, 0, 0], [1, 0, 0, 0, 0], [1, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 1]])
+        V, w = two_axles.platform_map(geometry.front, position)
+    else:
+        V, w = (position.z2, 1), (1, 0)
+    arm = ((1, 0), (1, 1)) if geometry.arm is None else pitch_links.rates_map(geometry.arm)
+    none = (0,) * len(arm)
+    return Matrix([(*V, 0, *none), (*w, 0, *none), (*w, 1, *none), *((0, 0, 0, *row) for row in arm)])
 
 
 def body_map_rate(geometry: Geometry, position: AnyPosition, u: Vector) -> Vector:
     """Tdot u (5,): only V = u2 + z2 u1 has a coefficient that moves, z2dot = u1 z3."""
     if geometry.front is not None and isinstance(position, LongPosition):
-        return two_axles.body_map_rate(geometry.front, position, u)
-    return (u[0] * u[0] * position.z3, 0, 0, 0, 0)
+        V, w = two_axles.platform_map_rate(geometry.front, position, u)
+    else:
+        V, w = u[0] * u[0] * position.z3, 0
+    return (V, w, w, *(0,) * (len(u) - 3))
 
 
 def actuator_force(geometry: Geometry, position: AnyPosition, torque: Vector) -> Vector:
@@ -217,22 +209,24 @@ def actuator_rates(geometry: Geometry, position: AnyPosition, u: Vector) -> Vect
     return ((forward + turning) / geometry.r, (forward - turning) / geometry.r, *u[2:])
 
 
-def arm_angles(geometry: Geometry, reach: Scalar, rise: Scalar, elbow: Scalar) -> tuple[Scalar, Scalar]:
-    """Pitch joints (a2, a3) [rad] that put the tip at ``reach`` along e and ``rise`` above the column [m].
+def arm_joints(geometry: Geometry, reach: Scalar, rise: Scalar, near: Vector) -> Vector:
+    """Joints of the arm after its yaw (k,) that put the tip at ``reach`` along e and ``rise`` above the column [m].
 
     Args:
-        elbow: any number with the wanted sign of a3.
+        geometry: of the robot.
+        reach: of the tip [m].
+        rise: likewise [m].
+        near: joints (k,) that tell the side of the elbow, and where those stay that are not needed for it.
     """
-    A, B = 2.0 * geometry.l2, 2.0 * geometry.l3
-    cosine = (reach**2 + rise**2 - A**2 - B**2) / (2.0 * A * B)
-    # Out of reach the arm is stretched; the rollout then says so, as the constraint cannot be met.
-    a3 = jnp.copysign(jnp.arccos(jnp.clip(cosine, -1.0, 1.0)), elbow)
-    a2 = jnp.arctan2(rise, reach) - jnp.arctan2(B * jnp.sin(a3), A + B * jnp.cos(a3))
-    return a2, a3
+    if geometry.arm is not None:
+        return pitch_links.joints_at(geometry.arm, reach, rise, near)
+    return pitch_links.two_angles((geometry.l2, geometry.l3), reach, rise, wrapped(near[1]))
 
 
-def tip_rows(geometry: Geometry, arm: Posture) -> tuple[Vector, Vector, Vector]:
+def tip_rows(geometry: Geometry, arm: AnyPosture) -> tuple[Vector, Vector, Vector]:
     """Jacobian rows (5,) of the tip's velocity along e, n and up, in body rates."""
+    if isinstance(arm, LinkPosture):
+        return pitch_links.tip_rows(geometry, arm)
     b, s1, c1 = geometry.mount_offset, arm.s1, arm.c1
     A, B = 2.0 * geometry.l2, 2.0 * geometry.l3
     along = (c1, b * s1, 0, -A * arm.sA, -B * arm.sB)
@@ -240,26 +234,33 @@ def tip_rows(geometry: Geometry, arm: Posture) -> tuple[Vector, Vector, Vector]:
     return along, across, (0, 0, 0, A * arm.cA, B * arm.cB)
 
 
-def tip_position(geometry: Geometry, position: Position, arm: Posture) -> tuple[Scalar, Scalar]:
+def tip_position(geometry: Geometry, position: Position, arm: AnyPosture) -> tuple[Scalar, Scalar]:
     """Horizontal position of the tip from the world's origin, along the arm's own axes e and n [m]."""
     forward = position.z3 + geometry.mount_offset
     along = -arm.s1 * position.z2 + arm.c1 * forward + arm.reach
     return along, -arm.c1 * position.z2 - arm.s1 * forward
 
 
-def tip_in_platform(geometry: Geometry, position: Position, arm: Posture) -> Vector:
+def tip_in_platform(geometry: Geometry, position: Position, arm: AnyPosture) -> Vector:
     """Tip along the platform's lateral and forward axes from the world's origin, and its height [m]."""
     lateral = position.z2 - arm.reach * arm.s1
     return lateral, position.z3 + geometry.mount_offset + arm.reach * arm.c1, arm.height
 
 
-def tip_bias(geometry: Geometry, arm: Posture, rates: Vector, T_rate: Vector) -> Vector:
+def tip_bias(geometry: Geometry, arm: AnyPosture, rates: Vector, T_rate: Vector) -> Vector:
     """Acceleration of the tip along e, n and up when udot = 0 [m/s^2]."""
     b = geometry.mount_offset
-    V, w, W, A, B = rates
-    A2, B2 = 2.0 * geometry.l2 * A * A, 2.0 * geometry.l3 * B * B
-    reach_rate = -2.0 * (geometry.l2 * arm.sA * A + geometry.l3 * arm.sB * B)
+    V, w, W = rates[:3]
     lateral, forward = -w * V, T_rate[0] - b * w * w
-    along = -arm.s1 * lateral + arm.c1 * forward - arm.cA * A2 - arm.cB * B2 - W * W * arm.reach
+    if isinstance(arm, LinkPosture):
+        inward, reach_rate, up = pitch_links.tip_bias(geometry, arm, rates)
+    else:
+        A, B = rates[3:]
+        A2, B2 = 2.0 * geometry.l2 * A * A, 2.0 * geometry.l3 * B * B
+        inward, up = (arm.cA * A2, arm.cB * B2), -(arm.sA * A2 + arm.sB * B2)
+        reach_rate = -2.0 * (geometry.l2 * arm.sA * A + geometry.l3 * arm.sB * B)
+    along = -arm.s1 * lateral + arm.c1 * forward
+    for x in inward:
+        along = along - x
     across = -arm.c1 * lateral - arm.s1 * forward + 2.0 * W * reach_rate
-    return along, across, -(arm.sA * A2 + arm.sB * B2)
+    return along - W * W * arm.reach, across, up

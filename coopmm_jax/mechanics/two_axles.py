@@ -24,19 +24,8 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.angle import angle_of
 from coopmm_jax.algebra.matrix import Matrix
 from coopmm_jax.algebra.types import Scalar, Vector
+from coopmm_jax.mechanics.coordinates import LongPosition, with_joints
 from coopmm_jax.parameters import Car, Front, FrontInertia
-
-
-class LongPosition(NamedTuple):
-    """Chained coordinates, z1 [rad], z2, z3, z4 [unit], and joint angles [rad] of one robot; also for their rates."""
-
-    z1: Scalar
-    z2: Scalar
-    z3: Scalar
-    z4: Scalar
-    a1: Scalar
-    a2: Scalar
-    a3: Scalar
 
 
 class FrontLumped(NamedTuple):
@@ -79,7 +68,7 @@ def lengthened(front: Front, place: Vector, rho: Scalar, arm: Vector) -> LongPos
         arm: joint angles (3,) [rad].
     """
     z1, z2, z3 = place
-    return LongPosition(z1, z2 / front.unit, z3 / front.unit, (rho - z2) / front.unit, *arm)
+    return with_joints(LongPosition, (z1, z2 / front.unit, z3 / front.unit, (rho - z2) / front.unit), arm)
 
 
 def place(front: Front, position: LongPosition) -> tuple[Scalar, Scalar, Scalar]:
@@ -99,15 +88,14 @@ def turning_radius(front: Front, angle: Scalar) -> Scalar:
     return front.wheelbase / jnp.tan(angle)
 
 
-def body_map(front: Front, position: LongPosition) -> Matrix:
-    """Body rates (V, w, W, Adot, Bdot) from u (5 x 5); the rear axle's do not see u2."""
-    rho = front.unit * (position.z2 + position.z4)
-    return Matrix([[rho, 0, 0, 0, 0], [1, 0, 0, 0, 0], [1, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 1]])
+def platform_map(front: Front, position: LongPosition) -> tuple[Vector, Vector]:
+    """Body rates V and w, rows (2,) in (u1, u2); the rear axle's do not see u2."""
+    return (front.unit * (position.z2 + position.z4), 0), (1, 0)
 
 
-def body_map_rate(front: Front, position: LongPosition, u: Vector) -> Vector:
-    """Derivative of the body rates (5,) where udot = 0."""
-    return (front.unit * u[0] * (u[0] * position.z3 + u[1]), 0, 0, 0, 0)
+def platform_map_rate(front: Front, position: LongPosition, u: Vector) -> tuple[Scalar, Scalar]:
+    """Derivatives of V and w where udot = 0 [m/s^2, rad/s^2]."""
+    return front.unit * u[0] * (u[0] * position.z3 + u[1]), 0
 
 
 def front_motion(front: Front, position: LongPosition, u: Vector) -> FrontMotion:
@@ -116,7 +104,8 @@ def front_motion(front: Front, position: LongPosition, u: Vector) -> FrontMotion
     u1, u2 = u[0], front.unit * u[1]
     rho_rate = u1 * z3 + u2
     q_rate = -2.0 * q * q * rho * rho_rate / front.wheelbase
-    mapped = Matrix([[ahead, 0, 0, 0, 0], [1.0 - z3 * q, -q * front.unit, 0, 0, 0]])
+    none = (0,) * (len(u) - 2)
+    mapped = Matrix([(ahead, 0, *none), (1.0 - z3 * q, -q * front.unit, *none)])
     map_rate = (u1 * rho * rho_rate / ahead, -u1 * (u1 * z4 * q + z3 * q_rate) - u2 * q_rate)
     return FrontMotion(mapped, mapped @ u, map_rate)
 

@@ -23,7 +23,7 @@ from coopmm_jax.kinds.probe import number_of
 from coopmm_jax.loop.rollout import Observer
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.metrics import watching
-from coopmm_jax.metrics.sample import ENTRIES, Past, Sample, no_past, past_after, quantities, root
+from coopmm_jax.metrics.sample import OF_ACTUATORS, Past, Sample, no_past, past_after, quantities, root
 from coopmm_jax.metrics.table import LATE, LATE_FROM, METRICS, WHOLE, Metric
 from coopmm_jax.metrics.watching import Watching
 from coopmm_jax.parameters import Parameters, Structure
@@ -174,7 +174,8 @@ def finish(
     metrics = {}
     for name, metric in _wanted(names).items():
         samples = total.samples[metric.window]
-        values = ENTRIES.get(metric.quantity, 1) * jnp.maximum(samples, 1.0)
+        entries = len(total.past.torque) if metric.quantity in OF_ACTUATORS else 1
+        values = entries * jnp.maximum(samples, 1.0)
         extent = Extent(values, step, duration, complete)
         value = REDUCTIONS[metric.reduction].finish(total.gathered[Gathered.of(metric)], extent)
         metrics[name] = jnp.where(samples > 0, value, jnp.nan)

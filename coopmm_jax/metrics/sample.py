@@ -25,12 +25,12 @@ from coopmm_jax.kinds.controllers import lateral
 from coopmm_jax.kinds.courses import current
 from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.state import Signals
-from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS, WHEELS
+from coopmm_jax.mechanics.robot import ROBOTS, WHEELS
 from coopmm_jax.metrics.table import IMPACT, SETTLED
 from coopmm_jax.parameters import Hardware, Parameters, Plant, Reference, Structure, Surface
 
-# Quantities that are sums over several entries, and how many: a mean is one over all of them.
-ENTRIES = {"torque_squared": ROBOTS * ACTUATORS, "saturated": ROBOTS * ACTUATORS}
+# Quantities that are sums over all actuators: a mean is one over all of them.
+OF_ACTUATORS = ("torque_squared", "saturated")
 
 
 class Errors(NamedTuple):
@@ -75,7 +75,7 @@ def no_past(structure: Structure) -> Past:
     zero = jnp.zeros((), jnp.result_type(float))
     arms = 2 if "guide_radial" in structure.rows else 1
     touching = Touching(zero, zero + jnp.inf) if structure.compliant else None
-    return Past((zero,) * (ROBOTS * ACTUATORS), (zero,) * arms, touching)
+    return Past((zero,) * sum(structure.joints), (zero,) * arms, touching)
 
 
 def past_after(past: Past, first: Bool, signals: Signals) -> Past:
@@ -237,9 +237,8 @@ def _saturated(structure: Structure, hardware: Hardware, signals: Signals) -> Sc
     """Number of actuators that are asked for more than they can give; lag and smoothing play no part in it."""
     if not structure.features.limits:
         return 0.0
-    limits = torque_limits(hardware)
     return sum(
         jnp.where(jnp.abs(torque) > limit, 1.0, 0.0)
         for robot in signals.commanded
-        for torque, limit in zip(robot, limits, strict=True)
+        for torque, limit in zip(robot, torque_limits(hardware, len(robot)), strict=True)
     )

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from coopmm_jax.algebra.types import Pair
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import shown, signals_of
 from coopmm_jax.mechanics.partitioning import partition
+from coopmm_jax.mechanics.robot import YAW, per_robot
 from coopmm_jax.plotting import style
 from coopmm_jax.plotting.lines import Quantity, Run, runs, time_panel
 from coopmm_jax.plotting.motion import ROBOTS, robot_index
@@ -18,11 +20,11 @@ from coopmm_jax.plotting.style import plain
 
 if TYPE_CHECKING:
     from coopmm_jax.runs.trajectory import Trajectory
+    from coopmm_jax.scenario.scenario import Scenario
 
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
-# Of one robot; each entry of sigma is the error of one of them.
-VELOCITIES = ("u1 turning", "u2 driving", "a1 yaw rate", "a2 pitch rate", "a3 pitch rate")
-ACTUATORS = ("right wheel", "left wheel", "joint 1", "joint 2", "joint 3")
+_PLATFORM = ("u1 turning", "u2 driving", "a1 yaw rate")
+_WHEELS = ("right wheel", "left wheel")
 BOUNDS = ("inertia", "Coriolis", "Coriolis rate", "gravity", "disturbance")  # what each c_k bounds
 
 
@@ -50,7 +52,7 @@ def torques(
     """
     group = runs(trajectories, labels)
     figure, (wheels, joints) = style.panels(axes, [["wheels"], ["joints"]], height=4.4)
-    values = _torques(robot)
+    values = _torques(robot, group)
     time_panel(wheels, group, dict(values[:2]), f"wheels of {robot} [N m]")
     time_panel(joints, group, dict(values[2:]), f"joints of {robot} [N m]")
     return figure
@@ -111,8 +113,10 @@ def adaptation(*trajectories: Trajectory, labels: Sequence[str] | None = None, a
 
 
 def torque_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
-    """Draw all five torques of one robot [N m]."""
-    time_panel(axes, group, dict(_torques(robot)), f"torques of {robot} [N m]", title=f"Motor torques of robot {robot}")
+    """Draw all torques of one robot [N m]."""
+    time_panel(
+        axes, group, dict(_torques(robot, group)), f"torques of {robot} [N m]", title=f"Motor torques of robot {robot}"
+    )
 
 
 def sigma_panel(axes: Axes, group: Sequence[Run], robot: str) -> None:
@@ -159,10 +163,21 @@ def _entries(name: str, labels: Sequence[str]) -> dict[str, Quantity]:
 
 def _of_robot(name: str, group: Sequence[Run], robot: str) -> dict[str, Quantity]:
     """Entries of one robot of a signal that has one for each independent velocity."""
-    independent = partition(group[0].trajectory.rows).independent
-    i = robot_index(robot)
+    scenario, i = group[0].trajectory.scenario, robot_index(robot)
+    independent = partition(scenario.coupling.rows, scenario.arm.joints).independent
     first = 0 if i == 0 else len(independent[0])
-    return {VELOCITIES[j]: lambda run, k=first + k: getattr(run, name)[:, k] for k, j in enumerate(independent[i])}
+    names = velocities(scenario)[i]
+    return {names[j]: lambda run, k=first + k: getattr(run, name)[:, k] for k, j in enumerate(independent[i])}
+
+
+def velocities(scenario: Scenario) -> Pair[list[str]]:
+    """Velocities u of each robot in words; each entry of sigma is the error of one of them."""
+
+    def of_one(joints: int, lifted: bool) -> list[str]:
+        further = (f"a{i} {'lift' if lifted and i == YAW else 'pitch'} rate" for i in range(YAW, joints - YAW + 1))
+        return [*_PLATFORM, *further]
+
+    return per_robot(of_one, scenario.arm.joints, scenario.arm.lifted)
 
 
 def _check_recorded(group: Sequence[Run], name: str) -> None:
@@ -172,6 +187,8 @@ def _check_recorded(group: Sequence[Run], name: str) -> None:
             raise UserError("trajectories", f"of a controller that records {name}", chosen)
 
 
-def _torques(robot: str) -> list[tuple[str, Quantity]]:
+def _torques(robot: str, group: Sequence[Run]) -> list[tuple[str, Quantity]]:
     i = robot_index(robot)
-    return [(name, lambda run, j=j: run.torque[:, i, j]) for j, name in enumerate(ACTUATORS)]
+    joints = range(1, group[0].trajectory.scenario.arm.joints[i] - len(_WHEELS) + 1)
+    names = (*_WHEELS, *(f"joint {joint}" for joint in joints))
+    return [(name, lambda run, j=j: run.torque[:, i, j]) for j, name in enumerate(names)]

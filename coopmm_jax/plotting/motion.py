@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coopmm_jax.errors import UserError
+from coopmm_jax.mechanics.robot import PLATFORM
 from coopmm_jax.mechanics.robot_kinematics import in_world
 from coopmm_jax.plotting import style
 from coopmm_jax.plotting.curves import guide_curve
@@ -96,6 +97,8 @@ def arm_angles(
 ) -> Figure:
     """Arm joints of one robot [rad] (Fig. 5 and 8): yaw a1 with its reference; a2 and a3, set by the constraints.
 
+    Arms of [arm] have as many as it says, a lift [m] among them.
+
     Args:
         trajectories: one, or several to compare.
         robot: "I" or "II".
@@ -116,7 +119,8 @@ def arm_angles(
     figure, (yaw, pitch) = style.panels(axes, [["yaw"], ["pitch"]], height=4.4)
     reference = {"a1 desired": lambda run: run.arm_desired[:, i]}
     time_panel(yaw, group, {"a1": lambda run: run.q[:, i, 3]}, f"yaw of {robot} [rad]", reference)
-    joints = {"a2": lambda run: run.q[:, i, 4], "a3": lambda run: run.q[:, i, 5]}
+    count = group[0].trajectory.scenario.arm.joints[i] - PLATFORM
+    joints = {f"a{j}": lambda run, j=j: run.q[:, i, 2 + j] for j in range(2, count + 1)}
     time_panel(pitch, group, joints, f"pitch of {robot} [rad]")
     return figure
 

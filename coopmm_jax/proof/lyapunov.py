@@ -20,9 +20,10 @@ from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.errors import UserError
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics import partitioning
+from coopmm_jax.mechanics.coordinates import Position, at_place
 from coopmm_jax.mechanics.model import build_model
-from coopmm_jax.mechanics.robot import ROBOTS, per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position, in_platform, unplaced
+from coopmm_jax.mechanics.robot import CHAINED, PLATFORM, ROBOTS, per_robot
+from coopmm_jax.mechanics.robot_kinematics import in_platform, unplaced
 from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.proof.steps import STEPS, bounds_at, check_controller, check_loop, sides, uncertainty_of
 from coopmm_jax.proof.terms import proof_terms
@@ -154,16 +155,18 @@ def states_of(trajectory: Any, every: int = 1) -> tuple[np.ndarray, State]:
         UserError: another controller than the paper's.
     """
     check_controller(trajectory.scenario.parameters().gains)
-    part = partitioning.partition(trajectory.rows)
+    joints = trajectory.scenario.structure().joints
+    part = partitioning.partition(trajectory.rows, joints)
 
     def columns(values: np.ndarray) -> tuple[Any, ...]:  # arrays in the place of scalars
         return tuple(np.moveaxis(np.asarray(values, np.float64)[::every], 0, -1))
 
-    place = per_robot(lambda i: _chained(*columns(np.asarray(trajectory.q)[:, i])), range(ROBOTS))
+    numbers = per_robot(lambda count: CHAINED + count - PLATFORM, joints)
+    place = per_robot(lambda i, n: _chained(*columns(np.asarray(trajectory.q)[:, i, :n])), range(ROBOTS), numbers)
     with jax.enable_x64(True):
         geometry = build_model(trajectory.scenario.parameters()).geometry
         position = unplaced(geometry, place, columns(np.asarray(trajectory.steering)))
-    velocity = per_robot(lambda i: columns(np.asarray(trajectory.velocity)[:, i]), range(ROBOTS))
+    velocity = per_robot(lambda i, count: columns(np.asarray(trajectory.velocity)[:, i, :count]), range(ROBOTS), joints)
     independent, _ = partitioning.parted(part, velocity)
     integral, eta, c_hat, force_integral = map(
         columns, (trajectory.integral, trajectory.eta, trajectory.c_hat, trajectory.force_integral)
@@ -174,4 +177,4 @@ def states_of(trajectory: Any, every: int = 1) -> tuple[np.ndarray, State]:
 
 
 def _chained(x: Any, y: Any, th: Any, *arm: Any) -> Position:
-    return Position(th, *in_platform(x, y, (np.sin(th), np.cos(th))), *arm)
+    return at_place((th, *in_platform(x, y, (np.sin(th), np.cos(th)))), arm)

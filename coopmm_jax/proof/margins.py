@@ -29,7 +29,8 @@ INSTANTS = 401  # of a rollout that are looked at, at most
 def state_of(structure: Structure, parameters: Parameters, signals: Signals) -> State:
     """State of the proof's loop, from its signals at one instant; every leaf is a scalar."""
     position = unplaced(build_model(parameters).geometry, signals.position, signals.steering)
-    independent, _ = partitioning.parted(partitioning.partition(structure.rows), signals.velocity)
+    part = partitioning.partition(structure.rows, structure.joints)
+    independent, _ = partitioning.parted(part, signals.velocity)
     return State(position, independent, signals.controller, carriage=signals.carriage)
 
 

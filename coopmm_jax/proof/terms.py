@@ -25,7 +25,7 @@ from coopmm_jax.mechanics.disturbance import disturbance_force
 from coopmm_jax.mechanics.model import Model, build_model
 from coopmm_jax.mechanics.plant import expected_kinematics
 from coopmm_jax.mechanics.robot import PLATFORM
-from coopmm_jax.mechanics.robot_dynamics import Lumped
+from coopmm_jax.mechanics.robot_dynamics import AnyLumped
 from coopmm_jax.parameters import Gains, Parameters, Structure
 
 # States evaluated together: few enough to stay below 0.3 GB, many enough that the cost of a call does not count.
@@ -73,7 +73,7 @@ def proof_terms(structure: Structure, parameters: Parameters, t: np.ndarray, sta
         states: a ``State`` with leaves (T,).
 
     >>> from coopmm_jax.control.robust_adaptive import ControllerState
-    >>> from coopmm_jax.mechanics.robot_kinematics import Position
+    >>> from coopmm_jax.mechanics.coordinates import Position
     >>> one, two = Position(0.0, 2.4, 0.0, 1.2, -0.8, 1.6), Position(0.0, 1.0, 0.0, 1.6, 2.3, 1.7)
     >>> state = State((one, two), (1.0, 0.0) * 3, ControllerState((0.0,) * 2, (0.0,) * 2, (1.0,) * 5, (0.0,) * 4))
     >>> states = jax.tree.map(lambda x: np.full(3, x), state)
@@ -101,7 +101,7 @@ def evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> Pro
         t: (T,) [s].
         state: a ``State`` with leaves (T,).
     """
-    gains, part = model.gains, partitioning.partition(structure.rows)
+    gains, part = model.gains, partitioning.partition(structure.rows, structure.joints)
     rates, _ = closed_loop(structure, model, t, state)
     (V1, sigma), (V1_rate, sigma_rate) = jax.jvp(
         partial(_V1_and_sigma, model, part), (t, state), (jnp.ones_like(t), rates)
@@ -193,7 +193,9 @@ def _robust_terms(
     return (*(only(j) for j in range(len(f))), U26)
 
 
-def _reduced(structure: Structure, model: Model, lumped: tuple[Lumped, Lumped], t: Scalar, state: State) -> Reduced:
+def _reduced(
+    structure: Structure, model: Model, lumped: tuple[AnyLumped, AnyLumped], t: Scalar, state: State
+) -> Reduced:
     """The reduced dynamics with the plant's or the controller's lumped parameters.
 
     The bias Cr u^1 + Gr is evaluated at rest and one unit to either side of u^1 in each direction, all at once along a

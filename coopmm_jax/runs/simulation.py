@@ -18,13 +18,15 @@ from coopmm_jax.kinds.controllers import signals_of
 from coopmm_jax.loop.health import Health
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import Signals
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.mechanics.robot import CHAINED, per_robot
-from coopmm_jax.mechanics.robot_kinematics import Position, in_world, unchained
+from coopmm_jax.mechanics.robot_kinematics import in_world, unchained
 from coopmm_jax.memory import check_memory
 from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.table import check_finite, registered
 from coopmm_jax.parameters import Parameters, Reference, Structure
 from coopmm_jax.runs.beginning import AIMED_AT, beginning, told, warn_of_distant_start
+from coopmm_jax.runs.reach import missed
 from coopmm_jax.runs.trajectory import Trajectory
 from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.feasible import check_reference
@@ -74,7 +76,9 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
     status = Status(int(health.status))
     if status is Status.UNREACHABLE:
         must = "poses from which both arms reach what [coupling] asks of them; the reference begins at"
-        raise UserError("initial", f"{must} {told(beginning(parameters), AIMED_AT)}", told(parameters.start))
+        short = missed(structure, parameters)
+        lacking = "".join(f"arm {robot} {distance:.3g} m out of reach, " for robot, distance in short.items())
+        raise UserError("initial", f"{must} {told(beginning(parameters), AIMED_AT)}", lacking + told(parameters.start))
     failed = status is not Status.OK
     if failed:
         warn_of_distant_start(parameters)
@@ -133,23 +137,29 @@ def _sample(structure: Structure, parameters: Parameters, t: Scalar, signals: Si
     desired = _on_the_same_turn(reference, desired_motion(reference, t), signals.position)
     return {
         "t": t,
-        "q": per_robot(unchained, signals.position),
+        "q": _alike(per_robot(unchained, signals.position)),
         "zeta": per_robot(lambda p: p[:CHAINED], signals.position),
         "zeta_desired": tuple((d.z1, d.z2, d.z3) for d in desired),
         "arm": tuple(p.a1 for p in signals.position),
         "arm_desired": tuple(d.arm[0] for d in desired),
-        "velocity": signals.velocity,
+        "velocity": _alike(signals.velocity),
         "controller": recorded(parameters.gains, signals.controller, signals.computed),
         "constraint_force": signals.constraint_force,
         "constraint_force_desired": desired_force(reference, structure.rows, t),
-        "torque": signals.torque,
-        "torque_commanded": signals.commanded,
+        "torque": _alike(signals.torque),
+        "torque_commanded": _alike(signals.commanded),
         "constraint_residual": signals.constraint_residual,
         "tip": per_robot(_in_world, signals.position, signals.tip),
         "contact_point": signals.contact_point,
         "carriage": signals.carriage,
         "steering": signals.steering,
     }
+
+
+def _alike(both: Pair[Vector]) -> Pair[Vector]:
+    """Values of both robots, with zeros for joints that only the other one has."""
+    longest = max(map(len, both))
+    return per_robot(lambda values: (*values, *(0.0 * values[0],) * (longest - len(values))), both)
 
 
 def _on_the_same_turn(reference: AnyReference, desired: Pair[Desired], position: Pair[Position]) -> Pair[Desired]:

@@ -17,7 +17,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import DEFAULT, controller, signals_of
 from coopmm_jax.kinds.software import versions
 from coopmm_jax.mechanics import partitioning
-from coopmm_jax.mechanics.robot import PLATFORM
+from coopmm_jax.mechanics.robot import JOINTS, PLATFORM
 from coopmm_jax.metrics.table import METRICS, as_text, shown
 from coopmm_jax.parameters import Rail
 from coopmm_jax.status import Status
@@ -27,17 +27,25 @@ if TYPE_CHECKING:
 
     from coopmm_jax.scenario.scenario import Scenario
 
-_VELOCITIES = ("u1", "u2", "a1_rate", "a2_rate", "a3_rate")
 _LABELS: dict[str, tuple[str, ...]] = {
     "robot": ("I", "II"),
-    "coordinate": ("x", "y", "th", "a1", "a2", "a3"),
     "chained": ("z1", "z2", "z3"),
-    "rate": _VELOCITIES,
     "bound": Regressors._fields,
-    "actuator": ("right_wheel", "left_wheel", "joint_1", "joint_2", "joint_3"),
     "axis": ("x", "y", "z"),
     "arm_axis": ("along", "across"),
 }
+
+
+def _of_joints(joints: int) -> dict[str, tuple[str, ...]]:
+    """Labels of the dimensions whose length is that of the arms, of robots with so many velocities u."""
+    numbers = range(1, joints - PLATFORM + 1)
+    return {
+        "coordinate": ("x", "y", "th", *(f"a{i}" for i in numbers)),
+        "rate": ("u1", "u2", *(f"a{i}_rate" for i in numbers)),
+        "actuator": ("right_wheel", "left_wheel", *(f"joint_{i}" for i in numbers)),
+    }
+
+
 # Dimensions whose length is the run's own, and the letters that stand for it.
 _SYMBOLS = {"t": "T", "row": "m", "independent": "n", "independent_arm": "na", "rail": "r", "steered": "s"}
 
@@ -54,7 +62,8 @@ class Trajectory:
     After a failure the arrays end with the last sample before it: everything here is finite, always. Index 0 of a robot
     dimension is robot I; m is the number of constraint rows (contact normal first), n = 10 - m that of independent
     velocities, na = n - 4 that of independent arm joints, r = 1 on a rail and else 0,
-    s the number of platforms on two axles.
+    s the number of platforms on two axles. Arms of [arm] have as many joints as it says, a lift before the links; where
+    the robots' differ, what one has not is zero.
     """
 
     t: np.ndarray = field(metadata=_array("t", "s", "time"))
@@ -160,13 +169,15 @@ class Trajectory:
         return Labelled(variables, coords=self._labels(), attrs=attributes)
 
     def _labels(self) -> dict[str, list[str]]:
+        joints = self.scenario.structure().joints
+        of_joints, part = _of_joints(max(joints)), partitioning.partition(self.rows, joints)
         independent = [
-            (joint, f"{robot}_{_VELOCITIES[joint]}")
-            for robot, joints in zip(_LABELS["robot"], partitioning.partition(self.rows).independent, strict=True)
-            for joint in joints
+            (joint, f"{robot}_{of_joints['rate'][joint]}")
+            for robot, own in zip(_LABELS["robot"], part.independent, strict=True)
+            for joint in own
         ]
         return {
-            **{dim: list(labels) for dim, labels in _LABELS.items()},
+            **{dim: list(labels) for dim, labels in (_LABELS | of_joints).items()},
             "row": list(self.rows),
             "rail": ["carriage"] if self._on_a_rail() else [],
             "steered": self._steered(),
@@ -249,7 +260,7 @@ def _attributes(about: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _described(name: str, about: Mapping[str, Any]) -> str:
-    sizes = [_SYMBOLS.get(dim) or str(len(_LABELS[dim])) for dim in about["dims"]]
+    sizes = [_SYMBOLS.get(dim) or str(len((_LABELS | _of_joints(JOINTS))[dim])) for dim in about["dims"]]
     return f"        {name} ({', '.join(sizes)}) [{about['units']}]: {about['meaning']}\n"
 
 

@@ -32,6 +32,7 @@ from coopmm_jax.parameters import (
     Surface,
 )
 from coopmm_jax.scenario.overrides import laid_over
+from coopmm_jax.scenario.sections.arm import ArmSection, check_joints, check_lists, starting_joints
 from coopmm_jax.scenario.sections.controller import (
     DEFAULT,
     GainsSection,
@@ -62,6 +63,7 @@ class BaseScenario(HardwareSections):
     simulation: SimulationSection = SimulationSection()
     plant: PlantSection = PlantSection()
     platform: PlatformSection = PlatformSection()
+    arm: ArmSection = ArmSection()
     coupling: CouplingSection = CouplingSection()
     nominal: NominalSection = NominalSection()
     law: LawSection = LawSection()
@@ -124,6 +126,7 @@ class BaseScenario(HardwareSections):
             force_delay=self.sensing.force_delay,
             features=self.features(varied),
             contact=self.contact.model,
+            joints=self.arm.joints,
         )
 
     def parameters(self) -> Parameters:
@@ -134,15 +137,15 @@ class BaseScenario(HardwareSections):
             gains=full_gains(dict(self), len(self.coupling.rows)),
             disturbance=tuple(entry.disturbance() for entry in self.disturbance),
             reference=self.reference.reference(self._surface()),
-            start=_per_robot(Pose, dict(self.initial)),
+            start=_per_robot(Pose, {**dict(self.initial), "arm": starting_joints(self.arm, self.initial)}),
             hardware=self.hardware(self.simulation.seed, self.simulation.stream),
-            schedule=self.schedule.schedule(len(self.coupling.rows)),
+            schedule=self.schedule.schedule(len(self.coupling.rows), sum(self.arm.joints)),
         )
 
     def _plant(self) -> Plant:
         values = dict(self.plant)
-        geometry = _per_robot(Geometry, values | {"front": self.platform.fronts()})
-        inertia = _inertias(values | {"front": self.platform.inertias()})
+        geometry = _per_robot(Geometry, values | {"front": self.platform.fronts(), "arm": self.arm.arms(values)})
+        inertia = _inertias(values | {"front": self.platform.inertias(), "links": self.arm.inertias(values)})
         return Plant(geometry, inertia, self._surface(), self.plant.gravity, self._guide())
 
     def _surface(self) -> Surface:
@@ -162,7 +165,8 @@ class BaseScenario(HardwareSections):
         plant = {name: _scaled(getattr(self.plant, name), self.nominal.scale) for name in MASS_NAMES}
         given = {name: value for name, value in self.nominal if name != "scale" and value is not None}
         front = self.platform.inertias(self.nominal.scale, {name: given.get(name) for name in FrontInertia._fields})
-        return _inertias(plant | given | {"front": front})
+        links = self.arm.inertias(plant | given, self.nominal.scale, given)
+        return _inertias(plant | given | {"front": front, "links": links})
 
     @field_validator("gains", "schedule", "tuning", mode="before")
     @classmethod
@@ -218,9 +222,16 @@ class BaseScenario(HardwareSections):
         return self
 
     @model_validator(mode="after")
+    def _arms_have_joints_and_numbers(self) -> Self:
+        check_joints(self.arm, self.coupling.rows)
+        given = {"nominal.m_links": self.nominal.m_links, "nominal.I_links": self.nominal.I_links}
+        check_lists(self.arm, given | {"initial.pitch": self.initial.pitch}, self.initial.lift)
+        return self
+
+    @model_validator(mode="after")
     def _numbers_of_gains(self) -> Self:
         full_gains(dict(self), len(self.coupling.rows))
-        self.schedule.schedule(len(self.coupling.rows))
+        self.schedule.schedule(len(self.coupling.rows), sum(self.arm.joints))
         return self
 
     @model_validator(mode="after")

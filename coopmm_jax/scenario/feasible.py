@@ -15,7 +15,7 @@ import numpy as np
 
 from coopmm_jax.errors import Notice, Remark, UserError
 from coopmm_jax.kinds.controllers import lateral
-from coopmm_jax.parameters import Parameters, PathReference, PhaseSchedule
+from coopmm_jax.parameters import Geometry, Parameters, PathReference, PhaseSchedule, Pose
 from coopmm_jax.status import SPEED_LIMIT
 
 if TYPE_CHECKING:
@@ -199,6 +199,29 @@ def _check_turning(parameters: Parameters, robot: int, field: str, rho: np.ndarr
         raise UserError(field, must, f"a radius of {rho[beyond][0]:.3g} m at {t[beyond][0]:.3g} s")
 
 
+def _stretch(geometry: Geometry, start: Pose, reach: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Distance that the last two joints of an arm have to bridge (n,), and the least and most that they can [m].
+
+    Args:
+        geometry: of the robot.
+        start: its pose, as the joints before these stay where they start.
+        reach: of the tip along the arm (n,) [m].
+        height: of the tip (n,) [m].
+    """
+    rise, joints, half = height - 2.0 * float(geometry.l1), start.joints, (geometry.l2, geometry.l3)
+    if geometry.arm is not None:
+        half = geometry.arm.l_links
+        lift, joints = joints[: len(joints) - len(half)], joints[len(joints) - len(half) :]
+        if len(half) == 1:  # a lift brings it to any height
+            return np.abs(reach), -1.0, 2.0 * float(half[0]) if lift else np.inf
+        rise = rise - sum(map(float, lift))
+    pitches = np.cumsum(np.array(joints[:-2], dtype=float))
+    before = 2.0 * np.array(half[:-2], dtype=float)
+    lower, upper = 2.0 * float(half[-2]), 2.0 * float(half[-1])
+    distance = np.hypot(reach - before @ np.cos(pitches), rise - before @ np.sin(pitches))
+    return distance, abs(lower - upper), lower + upper
+
+
 def _check_arms(parameters: Parameters, course: Course) -> None:
     reference = parameters.reference
     assert isinstance(reference, PathReference)
@@ -212,15 +235,13 @@ def _check_arms(parameters: Parameters, course: Course) -> None:
         must = "of level 0 where along(n) says that it is"
         was = f"{abs(course.distance[farthest]):.3g} m away at {course.t[farthest]:.3g} s"
         raise UserError("coupling.surface", must, was)
-    for number, reach in zip(
-        ("I", "II"), (course.reach, abs(float(reference.offset[1])) + 0.0 * course.t), strict=True
-    ):
-        geometry = parameters.plant.geometry[number == "II"]
-        lower, upper = 2.0 * float(geometry.l2), 2.0 * float(geometry.l3)
-        distance = np.hypot(reach, course.height - 2.0 * float(geometry.l1))
-        beyond = (distance <= abs(lower - upper)) | (distance >= lower + upper)
+    for number, reach in zip(("I", "II"), (course.reach, float(reference.offset[1]) + 0.0 * course.t), strict=True):
+        robot = int(number == "II")
+        geometry, start = parameters.plant.geometry[robot], parameters.start[robot]
+        distance, nearest, farthest = _stretch(geometry, start, reach, course.height)
+        beyond = (distance <= nearest) | (distance >= farthest)
         if beyond.any():
-            must = f"within the reach of arm {number}, {abs(lower - upper):g} to {lower + upper:g} m"
+            must = f"within the reach of arm {number}, {nearest:g} to {farthest:g} m"
             raise UserError("reference", must, f"{distance[beyond][0]:.3g} m at {course.t[beyond][0]:.3g} s")
     if not abs(across[worst]) >= FLATTEST:
         must = f"where arm I meets the surface at a cosine of {FLATTEST:g} or more with its normal"

@@ -13,7 +13,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Strict, Tag, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Strict, Tag, model_validator
+
+from coopmm_jax.errors import UserError
 
 Number = TypeVar("Number")
 Finite = Annotated[float, Strict(), Field(allow_inf_nan=False)]
@@ -34,6 +36,29 @@ Pair = Annotated[
     _One | Annotated[tuple[Number, ...], Field(min_length=2, max_length=2), Tag("list")], Discriminator(_one_or_list)
 ]
 PerEntry = Annotated[_One | Annotated[tuple[Number, ...], Tag("list")], Discriminator(_one_or_list)]
+
+
+def _lists(value: Any) -> Any:
+    """Lists of numbers; one number alone, as on the command line, is a list of one."""
+    if not isinstance(value, list | tuple):
+        return (value,)
+    nested = [isinstance(entry, list | tuple) for entry in value]
+    if any(nested) and (len(value) != 2 or not all(nested)):
+        raise UserError("", "one list for both robots, or a list of two", value)
+    return value
+
+
+def _one_or_two_lists(value: Any) -> str:
+    return "list" if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple) else "one"
+
+
+_Numbers = Annotated[tuple[Number, ...], Field(min_length=1)]
+# One number for each pitch link of an arm: a list for both robots, or one for each.
+PerLink = Annotated[
+    Annotated[_Numbers[Number], Tag("one")] | Annotated[tuple[_Numbers[Number], _Numbers[Number]], Tag("list")],
+    Discriminator(_one_or_two_lists),
+    BeforeValidator(_lists),
+]
 
 
 def quantity(default: Any, meaning: str) -> Any:

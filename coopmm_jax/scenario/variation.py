@@ -14,6 +14,7 @@ was drawn.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,10 +24,11 @@ import numpy as np
 from pydantic import BaseModel
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import MASS_NAMES, FrontInertia, Inertia, Parameters, PathReference, Structure
+from coopmm_jax.parameters import MASS_NAMES, FrontInertia, Inertia, LinkInertia, Parameters, PathReference, Structure
 from coopmm_jax.scenario import places
 from coopmm_jax.scenario.base import BaseScenario
 from coopmm_jax.scenario.kind_sections import KindSection, is_pair, is_vector
+from coopmm_jax.scenario.overrides import is_number
 from coopmm_jax.scenario.sections.uncertainty import Distribution, Entry
 from coopmm_jax.scenario.validation import closest, validate
 
@@ -49,7 +51,7 @@ class Number(NamedTuple):
     """One number of a scenario that varies."""
 
     place: str  # dotted name of its field
-    part: int | None  # of a pair of robots or a list, from 0; None: a number alone, or the same for both robots
+    part: int | tuple[int, int] | None  # of a pair or a list, or robot and link of lists, from 0; None: of no list
     base: float  # the scenario's value
     unit: str
     meaning: str
@@ -59,7 +61,8 @@ class Number(NamedTuple):
     @property
     def name(self) -> str:
         """Dotted name, as the user writes it."""
-        return self.place + ("" if self.part is None else f".{self.part + 1}")
+        parts = self.part if isinstance(self.part, tuple) else () if self.part is None else (self.part,)
+        return self.place + "".join(f".{part + 1}" for part in parts)
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,7 @@ class Variation(Generic[Varied]):
         """
         nominal = self._nominal(values)
         spelt_out: dict[str, Any] = {name: [getattr(robot, name) for robot in nominal] for name in MASS_NAMES}
-        spelt_out |= _front_masses(nominal)
+        spelt_out |= _front_masses(nominal) | _link_masses(nominal)
         spelt_out["m_obj"] = nominal[1].m_obj
         changes = self._tables(values) | {f"nominal.{name}": value for name, value in spelt_out.items()}
         certain = self.scenario.model_copy(update={"uncertainty": type(self.scenario.uncertainty)()})
@@ -125,12 +128,16 @@ class Variation(Generic[Varied]):
                 changes[number.place] = values[number.name]
             else:
                 parts = changes.setdefault(number.place, list(_pair(_current(self.scenario, number.place)[1])))
-                parts[number.part] = values[number.name]
+                if isinstance(number.part, tuple):
+                    robot, link = number.part
+                    parts[robot] = (*parts[robot][:link], values[number.name], *parts[robot][link + 1 :])
+                else:
+                    parts[number.part] = values[number.name]
         return changes
 
     def _nominal(self, values: dict[str, Any]) -> tuple[Inertia, Inertia]:
         """Masses and inertias that the controller believes in: of its own numbers, but not of the plant's."""
-        kept = {"plant": self.scenario.plant, "platform": self.scenario.platform}
+        kept = {name: getattr(self.scenario, name) for name in ("plant", "platform", "arm")}
         return self._with(values).model_copy(update=kept).nominal_model()
 
     def _with(self, values: dict[str, Any]) -> Varied:
@@ -145,6 +152,14 @@ def _front_masses(nominal: tuple[Inertia, Inertia]) -> dict[str, Any]:
         return {}
     each = [robot.front or fronts[0] for robot in nominal]
     return {name: [getattr(front, name) for front in each] for name in FrontInertia._fields}
+
+
+def _link_masses(nominal: tuple[Inertia, Inertia]) -> dict[str, Any]:
+    """Masses of the links of [arm] by name, for both robots if one of them has such an arm."""
+    if all(robot.links is None for robot in nominal):
+        return {}
+    each = [robot.links or LinkInertia((robot.m2, robot.m3), (robot.I2, robot.I3)) for robot in nominal]
+    return {name: [list(getattr(links, name)) for links in each] for name in LinkInertia._fields}
 
 
 def batched(parameters: Parameters, count: int) -> Parameters:
@@ -214,13 +229,22 @@ def _numbers(scenario: BaseScenario, entry: Entry) -> list[Number]:
     if entry.place == f"plant.{MASSES}":
         if not entry.distribution.relative:
             raise UserError(f"uncertainty.{entry.name}.relative", f"true for {MASSES}", "false")
-        fields = [name for name in MASS_NAMES if name != "m_obj" or entry.part != 0]
-        return [number for field in fields for number in _of_field(scenario, entry, f"plant.{field}")]
+        of_lists = scenario.arm.l_links is not None  # links 2 and 3 of [plant] are then of no arm
+        fields = [f"plant.{name}" for name in MASS_NAMES if name != "m_obj" or entry.part != 0]
+        fields = [name for name in fields if not (of_lists and name[-1] in "23")]
+        found = [number for field in fields for number in _of_field(scenario, entry, field)]
+        lists = [f"arm.{name}" for name in LinkInertia._fields if of_lists]
+        whole = entry._replace(part=None)
+        of_robot = "" if entry.part is None else f".{entry.part + 1}"
+        return found + [number for name in lists for number in _of_field(scenario, whole, name + of_robot)]
     return _of_field(scenario, entry, entry.place)
 
 
 def _of_field(scenario: BaseScenario, entry: Entry, place: str) -> list[Number]:
+    place, robot = _whose(place)
     owner, value = _current(scenario, place)
+    if robot is not None or _nested(value):
+        return _of_lists(entry, place, robot, owner, value)
     kind, field, law = type(owner), place.rpartition(".")[2], entry.distribution
     count = _count(kind, field, value)
     if entry.part is not None and entry.part >= count and not (field == "m_obj" and entry.part in (0, 1)):
@@ -236,6 +260,32 @@ def _of_field(scenario: BaseScenario, entry: Entry, place: str) -> list[Number]:
     return numbers
 
 
+def _whose(place: str) -> tuple[str, int | None]:
+    """Place of a field with a list for each robot, and the robot, of the place of that robot's list."""
+    field, _, last = place.rpartition(".")
+    return (field, int(last) - 1) if is_number(last) else (place, None)
+
+
+def _nested(value: Any) -> bool:
+    return isinstance(value, tuple) and isinstance(value[0], tuple)
+
+
+def _of_lists(entry: Entry, place: str, robot: int | None, owner: BaseModel, value: Any) -> list[Number]:
+    """Numbers of a field that has a list for each robot, or of one of them, or of one link of it."""
+    lists, law = value if _nested(value) else (), entry.distribution
+    robot, link = (entry.part, None) if robot is None else (robot, entry.part)
+    robots = range(len(lists)) if robot is None else [robot] if robot < len(lists) else []
+    parts = [(i, k) for i in robots for k in range(len(lists[i])) if link in (None, k)]
+    if not parts:
+        must = "one of two robots with a list for each, and one of its links"
+        raise UserError(f"uncertainty.{entry.name}", must, entry.name)
+    found = [
+        Number(place, (i, k), lists[i][k], *_described(type(owner), place.rpartition(".")[2]), law, "")
+        for i, k in parts
+    ]
+    return [number._replace(draw=number.name if law.each else law.group or entry.name) for number in found]
+
+
 def _current(scenario: BaseScenario, place: str) -> tuple[BaseModel, Any]:
     """Section of a field, and its value, a number or a pair; of the controller's model the plant's if it has none."""
     allowed = [name for name in type(scenario).model_fields if name not in (*_EXCLUDED, "description")]
@@ -244,10 +294,12 @@ def _current(scenario: BaseScenario, place: str) -> tuple[BaseModel, Any]:
         raise UserError(f"uncertainty.{section}", f"one of {', '.join(allowed)}{closest(section, allowed)}", section)
     owner, field, value = places.find(scenario, (section, *path), f"uncertainty.{place}")
     if value is None and section == "nominal":
-        plant = getattr(scenario.plant, field)
+        plant = getattr(scenario.plant, field, None)
+        if plant is None:  # of front axles and links, which are those of the plant's own sections
+            raise UserError(f"uncertainty.{place}", f"given in [nominal], where {field} is to vary", "left out")
         scale = scenario.nominal.scale
         return owner, tuple(scale * x for x in plant) if isinstance(plant, tuple) else scale * plant
-    entries = value if isinstance(value, tuple) else (value,)
+    entries = itertools.chain(*value) if _nested(value) else value if isinstance(value, tuple) else (value,)
     if not all(isinstance(x, float) for x in entries):
         raise UserError(f"uncertainty.{place}", "a field whose values are real numbers", _told(value))
     if isinstance(owner, KindSection) and owner.fixed(field):
@@ -265,6 +317,8 @@ def _count(kind: type[BaseModel], field: str, value: Any) -> int:
     if issubclass(kind, KindSection) and field in kind.about().fields:
         type_ = kind.about().fields[field].type
         return 2 if is_pair(type_) else len(value) if is_vector(type_) else 0
+    if field in getattr(kind, "per_link", ()):
+        return len(value)
     try:
         validate(kind, {field: _pair(value)})
     except UserError:

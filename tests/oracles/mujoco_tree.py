@@ -16,7 +16,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from coopmm_jax.parameters import Geometry, Inertia
+from coopmm_jax.parameters import Geometry, Inertia, LiftedArm
 
 # MuJoCo refuses a moving body with less than 1e-15 of mass or inertia; this much moves no result by more than rounding.
 NEARLY_NOTHING = 1e-14
@@ -28,9 +28,13 @@ def _body(parent: mujoco.MjsBody, pos: np.ndarray, mass: float, moments: list[fl
     return parent.add_body(pos=pos, mass=mass, inertia=moments, ipos=centre, explicitinertial=True)
 
 
-def _rod(parent: mujoco.MjsBody, pos: np.ndarray, mass: float, inertia: float, half_length: float):
+def _rod(
+    parent: mujoco.MjsBody, pos: np.ndarray, mass: float, inertia: float, half_length: float, lifted: bool = False
+):
     """A slender rod along forward, pitching upwards about lateral."""
     rod = _body(parent, pos, mass, [inertia, NEARLY_NOTHING, inertia], half_length * FORWARD)
+    if lifted:
+        rod.add_joint(type=SLIDE, axis=UP)
     rod.add_joint(type=HINGE, axis=LATERAL)
     return rod
 
@@ -53,9 +57,14 @@ def build_tree(geometry: Geometry, inertia: Inertia, gravity: float) -> tuple[mu
         add_wheel(platform, side * geometry.l, inertia.I_w)
     column = _body(platform, geometry.mount_offset * FORWARD, inertia.m1, [inertia.I1] * 3, geometry.l1 * UP)
     column.add_joint(type=HINGE, axis=UP)
-    link2 = _rod(column, 2 * geometry.l1 * UP, inertia.m2, inertia.I2, geometry.l2)
-    link3 = _rod(link2, 2 * geometry.l2 * FORWARD, inertia.m3, inertia.I3, geometry.l3)
-    _body(link3, 2 * geometry.l3 * FORWARD, inertia.m_obj, [0.0] * 3, np.zeros(3))
+    half, masses, moments = (geometry.l2, geometry.l3), (inertia.m2, inertia.m3), (inertia.I2, inertia.I3)
+    if geometry.arm is not None:
+        half, masses, moments = geometry.arm.l_links, *inertia.links
+    link, place = column, 2 * geometry.l1 * UP
+    for i, (length, mass, moment) in enumerate(zip(half, masses, moments, strict=True)):
+        link = _rod(link, place, mass, moment, length, lifted=i == 0 and isinstance(geometry.arm, LiftedArm))
+        place = 2 * length * FORWARD
+    _body(link, place, inertia.m_obj, [0.0] * 3, np.zeros(3))
     return spec, platform
 
 
@@ -65,25 +74,25 @@ def add_wheel(body: mujoco.MjsBody, aside: float, inertia: float) -> None:
     wheel.add_joint(type=HINGE, axis=-LATERAL, armature=inertia)
 
 
-def rolling_basis(geometry: Geometry, th: float) -> np.ndarray:
-    """R (8, 5) of (3) with the wheels' rows: no side slip, and wheels that roll."""
-    R = np.zeros((8, 5))
+def rolling_basis(geometry: Geometry, th: float, joints: int = 3) -> np.ndarray:
+    """R (8, 5) of (3) with the wheels' rows: no side slip, and wheels that roll; rows of more or fewer joints last."""
+    R = np.zeros((5 + joints, 2 + joints))
     R[:2, 0] = -np.sin(th), np.cos(th)
     R[2, 1] = 1.0
     R[3:5, 0] = 1 / geometry.r
     R[3:5, 1] = geometry.l / geometry.r, -geometry.l / geometry.r
-    R[5:, 2:] = np.eye(3)
+    R[5:, 2:] = np.eye(joints)
     return R
 
 
 def quasi_velocity_terms(
     geometry: Geometry, inertia: Inertia, gravity: float, q: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """M_v (5, 5) and h_v (5,) at q (6,), v (5,): M_v vdot + h_v = R^T (forces), gravity in h_v."""
+    """M_v (5, 5) and h_v (5,) at q (6,), v (5,): M_v vdot + h_v = R^T (forces), gravity in h_v; of [arm] likewise."""
     model = build_model(geometry, inertia, gravity)
     data = mujoco.MjData(model)
-    R = rolling_basis(geometry, q[2])
-    data.qpos[[0, 1, 2, 5, 6, 7]] = q
+    R = rolling_basis(geometry, q[2], len(q) - 3)
+    data.qpos[[0, 1, 2, *range(5, len(q) + 2)]] = q
     data.qvel[:] = R @ v
     mujoco.mj_forward(model, data)
     M = np.zeros((model.nv, model.nv))

@@ -26,7 +26,6 @@ from coopmm_jax.kinds.probe import number_of
 from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.rollout import Observer, Plan, Rollout, rollout
 from coopmm_jax.loop.state import Signals
-from coopmm_jax.mechanics.robot import ACTUATORS, ROBOTS
 from coopmm_jax.metrics.sample import Sample, squared_errors
 from coopmm_jax.parameters import Parameters, Structure
 from tuning.cost.gain_space import GainSpace, gain_space
@@ -153,7 +152,7 @@ class Objective:
             values = (self._value(name, made, sample, counts) for name, made in self.terms)
             return Total(tuple(old + value for old, value in zip(total.terms, values, strict=True)), torque)
 
-        return Observer(Total((zero,) * len(self.terms), (zero,) * (ROBOTS * ACTUATORS)), update)
+        return Observer(Total((zero,) * len(self.terms), (zero,) * sum(self.structure.joints)), update)
 
     def _value(self, name: str, made: Any, sample: Sample, counts: Bool) -> Scalar:
         """One term of a sample; ``counts`` says whether it counts for those that leave out the start."""
@@ -183,8 +182,11 @@ def _excess(structure: Structure, parameters: Parameters, signals: Signals) -> S
     """Squared torque asked for beyond the limits [N^2 m^2]; 0 without limits."""
     if not structure.features.limits:
         return 0.0
-    limits = torque_limits(parameters.hardware)
-    beyond = (jnp.abs(x) - limit for robot in signals.commanded for x, limit in zip(robot, limits, strict=True))
+    beyond = (
+        jnp.abs(x) - limit
+        for robot in signals.commanded
+        for x, limit in zip(robot, torque_limits(parameters.hardware, len(robot)), strict=True)
+    )
     return sum(jnp.maximum(x, 0.0) ** 2 for x in beyond)
 
 

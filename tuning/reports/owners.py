@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from coopmm_jax.kinds.controllers import ESTIMATE, ROW, VELOCITY, gains_of
 from coopmm_jax.mechanics.partitioning import partition
-from coopmm_jax.plotting.control import BOUNDS, VELOCITIES
+from coopmm_jax.plotting.control import BOUNDS, velocities
 from coopmm_jax.plotting.motion import ROBOTS
 from coopmm_jax.scenario.scenario import Scenario
 
@@ -18,12 +18,9 @@ def entry_owners(scenario: Scenario) -> dict[str, str]:
     ('robot II, u2 driving', 'inertia', 'contact normal')
     """
     rows = scenario.structure().rows
-    velocities = [
-        f"robot {robot}, {VELOCITIES[joint]}"
-        for robot, joints in zip(ROBOTS, partition(rows).independent, strict=True)
-        for joint in joints
-    ]
-    names = {VELOCITY: velocities, ESTIMATE: BOUNDS, ROW: [row.replace("_", " ") for row in rows], None: ()}
+    both = zip(ROBOTS, velocities(scenario), partition(rows, scenario.arm.joints).independent, strict=True)
+    named = [f"robot {robot}, {names[joint]}" for robot, names, joints in both for joint in joints]
+    names = {VELOCITY: named, ESTIMATE: BOUNDS, ROW: [row.replace("_", " ") for row in rows], None: ()}
     return {
         f"{gain}[{i}]": owner
         for gain, about in gains_of(scenario.parameters().gains).items()

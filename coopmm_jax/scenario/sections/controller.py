@@ -23,12 +23,12 @@ from coopmm_jax.kinds.protocol import Field as Described
 from coopmm_jax.kinds.protocol import bounds_of
 from coopmm_jax.kinds.registry import known
 from coopmm_jax.mechanics.robot import JOINTS, ROBOTS
-from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, PerEntry, Positive, Section, quantity
+from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, PerEntry, PerLink, Positive, Section, quantity
 
 assert baselines  # which registers them
 _gains, _structure = parameters.Gains(), parameters.Structure()
 
-VELOCITIES = ROBOTS * JOINTS  # of both robots; each constraint row makes one of them dependent
+VELOCITIES = ROBOTS * JOINTS  # of both robots with the paper's arms; each constraint row makes one of them dependent
 
 
 class LawSection(Section):
@@ -93,7 +93,7 @@ def full_gains(sections: Mapping[str, Any], rows: int) -> Any:
     """Gains as a rollout takes them: one number stands for every entry of its list.
 
     Args:
-        sections: of a scenario, by name; read for the controller and its gains alone.
+        sections: of a scenario, by name; read for the controller, its gains and the arms' joints alone.
         rows: number of constraint rows in force.
 
     Raises:
@@ -103,11 +103,11 @@ def full_gains(sections: Mapping[str, Any], rows: int) -> Any:
     values = {}
     for name, about in controllers.gains_of(made).items():
         value = getattr(sections[about.section], name)
-        values[name] = entries_of(about, value, rows, f"{about.section}.{name}")
+        values[name] = entries_of(about, value, rows, f"{about.section}.{name}", sum(sections["arm"].joints))
     return made(**values)
 
 
-def entries_of(about: Gain, value: Any, rows: int, field: str) -> Any:
+def entries_of(about: Gain, value: Any, rows: int, field: str, velocities: int = VELOCITIES) -> Any:
     """A gain as a rollout takes it: a number, or a tuple (n,) for which one number may stand.
 
     Args:
@@ -115,11 +115,12 @@ def entries_of(about: Gain, value: Any, rows: int, field: str) -> Any:
         value: as a scenario has it.
         rows: number of constraint rows in force.
         field: where the scenario has it, for the error.
+        velocities: number of those of both robots, dependent ones among them.
 
     Raises:
         UserError: a list of the wrong length.
     """
-    count = about.entries(VELOCITIES - rows, rows)
+    count = about.entries(velocities - rows, rows)
     if count is not None and not isinstance(value, tuple):
         value = (value,) * count
     if count is not None and len(value) != count:
@@ -150,6 +151,8 @@ def all_controllers() -> list[str]:
 class NominalSection(Section):
     """[nominal]: the controller's masses and inertias; one left out is the plant's, times ``scale``."""
 
+    per_link: ClassVar[tuple[str, ...]] = ("m_links", "I_links")
+
     scale: Positive = quantity(1.0, "factor on the plant's masses and inertias, object included [-]")
     m_p: Pair[Positive] | None = quantity(None, "mass of the platform [kg]")
     m1: Pair[Positive] | None = quantity(None, "mass of the column [kg]")
@@ -164,3 +167,5 @@ class NominalSection(Section):
     m_f: Pair[Positive] | None = quantity(None, "mass of tractor or steered axle [kg]")
     I_f: Pair[Positive] | None = quantity(None, "yaw moment of inertia of tractor or steered axle [kg m^2]")
     I_wf: Pair[Positive] | None = quantity(None, "moment of inertia of one front wheel [kg m^2]")
+    m_links: PerLink[Positive] | None = quantity(None, "mass of each pitch link of [arm] [kg]")
+    I_links: PerLink[Positive] | None = quantity(None, "moment of inertia of each pitch link of [arm] [kg m^2]")

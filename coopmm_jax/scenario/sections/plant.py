@@ -8,14 +8,14 @@ A field's name is its symbol in ``parameters.py``, which also holds the defaults
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, SerializeAsAny, field_validator
 
 from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.surfaces import SURFACE
-from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, Positive, Section, quantity
+from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, PerLink, Positive, Section, quantity
 from coopmm_jax.scenario.kind_sections import Chosen, KindSection
 
 _geometry, _inertia, _surface = parameters.Geometry(), parameters.Inertia(), parameters.Surface()
@@ -81,6 +81,8 @@ class CouplingSection(Section):
 class InitialSection(Section):
     """[initial]: coordinates at t = 0, at rest; a2 and a3 are first guesses that the constraints correct."""
 
+    per_link: ClassVar[tuple[str, ...]] = ("pitch",)
+
     x: Pair[Finite] = quantity(_start["x"], "midpoint of the axle [m]")
     y: Pair[Finite] = quantity(_start["y"], "midpoint of the axle [m]")
     th: Pair[Finite] = quantity(_start["th"], "angle of the platform, 0 where it faces along the world's y [rad]")
@@ -90,3 +92,8 @@ class InitialSection(Section):
     steer: Pair[Finite] | None = quantity(
         None, "angle of the front axle of a platform on two axles; by default that of the desired motion [rad]"
     )
+    pitch: PerLink[Finite] | None = quantity(
+        None,
+        "pitch of each link of [arm] from the one before, in the place of a2 and a3; the last two are guesses [rad]",
+    )
+    lift: Pair[Finite] | None = quantity(None, "how far the column of [arm] has lifted its links, 0 [m]")

@@ -25,7 +25,7 @@ from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import DEFAULT, controller, gains_of, initial
 from coopmm_jax.parameters import PhaseSchedule, Schedule
 from coopmm_jax.scenario.fields import Finite, NotNegative, Section, quantity
-from coopmm_jax.scenario.sections.controller import LawSection, all_controllers, entries_of, gains_section
+from coopmm_jax.scenario.sections.controller import VELOCITIES, LawSection, all_controllers, entries_of, gains_section
 
 
 class ScheduleSection(Section):
@@ -44,8 +44,12 @@ class ScheduleSection(Section):
         """Let "none" stand for a gain of any controller, so that a schedule can be taken away whatever it is."""
         return {k: v for k, v in data.items() if v != "none"} if isinstance(data, Mapping) else data
 
-    def schedule(self, rows: int) -> Schedule | PhaseSchedule | None:
+    def schedule(self, rows: int, velocities: int = VELOCITIES) -> Schedule | PhaseSchedule | None:
         """The schedule with so many constraint rows in force; None where all gains are constant.
+
+        Args:
+            rows: their number.
+            velocities: number of those of both robots, dependent ones among them.
 
         Raises:
             UserError: places of the knots that do not rise, or knots that are not as many or have a wrong length.
@@ -65,7 +69,9 @@ class ScheduleSection(Section):
                 must = f"a list of {len(places)}, one for each of schedule.{over}"
                 raise UserError(f"schedule.{name}", must, f"a list of {len(knots)}")
         values = {
-            name: tuple(entries_of(about[name], knot, rows, f"schedule.{name}[{i}]") for i, knot in enumerate(knots))
+            name: tuple(
+                entries_of(about[name], knot, rows, f"schedule.{name}[{i}]", velocities) for i, knot in enumerate(knots)
+            )
             for name, knots in given.items()
         }
         return (Schedule if over == "times" else PhaseSchedule)(places, values)
