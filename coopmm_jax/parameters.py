@@ -18,6 +18,10 @@ from coopmm_jax.kinds.disturbances import Disturbance
 from coopmm_jax.kinds.registry import register
 
 
+class LogPolar(NamedTuple):
+    """Chart of a platform on two axles about the world's origin (``mechanics/log_polar.py``)."""
+
+
 class Trailer(NamedTuple):
     """Tractor with a differential drive that pulls the platform: lengths of its axle, ahead of the platform's [m]."""
 
@@ -26,6 +30,7 @@ class Trailer(NamedTuple):
     l_f: Scalar = 0.5  # half track of the tractor
     r_f: Scalar = 0.5  # radius of its wheels, which drive
     unit: PyTree = None  # of length in the chained form; None: that of the desired motion's turning radius
+    chart: LogPolar | None = None  # None: from the heading, as in (6)
 
 
 class Car(NamedTuple):
@@ -36,6 +41,7 @@ class Car(NamedTuple):
     l_f: Scalar = 0.0  # from a steered wheel to the axis that it turns about
     r_f: Scalar = 0.25  # radius of the steered wheels
     unit: PyTree = None  # as of a trailer
+    chart: LogPolar | None = None  # likewise
 
 
 Front = Trailer | Car
@@ -191,7 +197,7 @@ class Reference(NamedTuple):
     contact_force: PyTree = (
         15.0  # lambda_d of the contact normal [N]; a number, or one over time (``kinds/courses.py``)
     )
-    unit: Pair[PyTree] = (None, None)  # of length in the chained form of each platform on two axles [m]
+    unit: Pair[PyTree] = (None, None)  # of length in the chained form of each platform on two axles [m], or its chart
 
 
 class PathReference(NamedTuple):

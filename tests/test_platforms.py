@@ -8,15 +8,27 @@ import pytest
 
 import coopmm_jax as cm
 from coopmm_jax.animation.skeleton import skeleton
+from coopmm_jax.control.polar_motion import polar_aim
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.courses import Sine, Swing
-from coopmm_jax.kinds.paths import Circle
+from coopmm_jax.kinds.paths import Circle, Ellipse, bent_frame
 from coopmm_jax.kinds.timings import Rate
 from coopmm_jax.loop.devices import draw_noise
 from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.robot_kinematics import placed, steering
-from coopmm_jax.parameters import Car, FrontInertia, Gains, Parameters, PathReference, Pose, Rail, Structure, Trailer
+from coopmm_jax.parameters import (
+    Car,
+    FrontInertia,
+    Gains,
+    LogPolar,
+    Parameters,
+    PathReference,
+    Pose,
+    Rail,
+    Structure,
+    Trailer,
+)
 from coopmm_jax.proof.lyapunov import states_of
 from coopmm_jax.proof.terms import proof_terms
 from coopmm_jax.scenario.feasible import check_reference
@@ -251,3 +263,40 @@ def test_odd_sections_are_refused_in_one_line_or_pass():
             refused.append(str(error))
     assert 100 < len(refused) < 900
     assert not any("\n" in line for line in refused)
+
+
+def test_desired_motion_about_the_origin_meets_the_chained_form():
+    """(8) by differentiating each coordinate in time, of a platform beside an ellipse that starts from standstill."""
+    aim, rates = jax.jit(
+        lambda t: jax.jvp(lambda t: polar_aim(Ellipse(), Rate(ramp=0.5), 0.7, t), (t,), (np.ones_like(t),))
+    )(0.7)
+    u1, (_, _, z3, z4) = aim.turn[0], aim.zeta
+    found = (*rates.zeta, *rates.turn[:3], rates.advance[0])
+    np.testing.assert_allclose(found, (u1, u1 * z3, u1 * z4, aim.advance[0], *aim.turn[1:], aim.advance[1]), atol=1e-13)
+    x, y = (float(np.exp(aim.zeta[1])) * f(aim.zeta[0]) for f in (np.cos, np.sin))
+    beside = cm.load_scenario("ellipse", platform={"kind": "car", "wheelbase": 0.1, "chart": "logpolar"})
+    assert beside.parameters().plant.geometry[0].front.chart == LogPolar()
+    phase = float(Rate(ramp=0.5).phase(0.7))
+    at, _ = bent_frame(Ellipse(), phase)
+    np.testing.assert_allclose((x, y), np.array(at.point) + 0.7 * np.array(at.lateral), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"platform.unit": 1.0}, "platform.unit: must be left out of the chart logpolar, which has none, was 1"),
+        ({"platform.chart": "polar"}, "platform.chart: must be "),
+        (
+            {"platform.wheelbase": 1.2},
+            "reference.path: must be such that platform II, in the chart logpolar, runs round the origin to the left",
+        ),
+        (
+            {"reference.path.x0": 3.0},
+            "reference.path: must be such that platform I, in the chart logpolar, runs round the origin to the left",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_chart_is_one_line(changes, complaint):
+    with pytest.raises(UserError) as caught:
+        check_reference(load_scenario("trailer", platform={"chart": "logpolar"}).with_overrides(changes))
+    assert str(caught.value).startswith(complaint)

@@ -136,7 +136,10 @@ def test_failed_runs_end_before_the_failure(simulated_paper, overrides, status, 
 
 def test_arms_that_cannot_reach(simulated_paper):
     scenario = changed(simulated_paper, initial={"x": [9.0, 1.2]})
-    with pytest.raises(cm.UserError, match=r"^initial: must be poses .* was \(x 9, y 0, .* and \(x 1\.2, y 0, .*\)$"):
+    with pytest.raises(
+        cm.UserError,
+        match=r"^initial: must be poses .* was arm I 5\.46 m out of reach, \(x 9, y 0, .* and \(x 1\.2, y 0, .*\)$",
+    ):
         cm.simulate(scenario)
 
 

@@ -16,11 +16,13 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.angle import angle_of
 from coopmm_jax.algebra.derivative import derivatives
 from coopmm_jax.algebra.matrix import dot
-from coopmm_jax.algebra.types import Scalar, Vector
+from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.control.polar_motion import PolarAim, polar_aim
 from coopmm_jax.kinds.courses import current, is_course, value_and_rates
 from coopmm_jax.kinds.paths import Frame, bent_frame, frame_of, heading
+from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.surfaces import shape_of
-from coopmm_jax.parameters import PathReference
+from coopmm_jax.parameters import LogPolar, PathReference
 
 
 class OverTime(NamedTuple):
@@ -56,6 +58,7 @@ class Aim(NamedTuple):
     contact: Scalar  # n_d [m]
     force: Scalar  # lambda_d of the contact normal [N]
     long: LongAim | None = None  # of platforms on two axles
+    polar: Pair[PolarAim | None] = (None, None)  # of those whose chart is polar
 
 
 class Known(NamedTuple):
@@ -108,9 +111,16 @@ def aim_at(reference: PathReference, t: Scalar) -> Aim:
         reach=reach,
         contact=contact.value,
         force=current(reference.contact_force, t) + 0.0 * t,
-        long=None
-        if reference.unit == (None, None)
-        else _long_aim(reference, t, turn, ahead, speed - turn.value * across, across),
+        long=_long_aim(reference, t, turn, ahead, speed - turn.value * across, across)
+        if any(unit is not None and not isinstance(unit, LogPolar) for unit in reference.unit)
+        else None,
+        polar=per_robot(
+            lambda unit, offset: (
+                polar_aim(reference.path, reference.timing, offset, t) if isinstance(unit, LogPolar) else None
+            ),
+            reference.unit,
+            reference.offset,
+        ),
     )
 
 

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
 
 from coopmm_jax.algebra.sincos import sincos
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control.path_motion import Aim, Known, aim_at, moving
+from coopmm_jax.control.polar_motion import PolarAim
 from coopmm_jax.kinds.courses import current
 from coopmm_jax.kinds.paths import is_closed
 from coopmm_jax.mechanics.robot import per_robot
 from coopmm_jax.mechanics.surfaces import shape_of
-from coopmm_jax.parameters import PathReference, Reference, Surface
+from coopmm_jax.parameters import LogPolar, PathReference, Reference, Surface
 
 
 class LongDesired(NamedTuple):
-    """Desired motion of a platform on two axles at one time, lengths in its own unit."""
+    """Desired motion of a platform on two axles at one time, in its own chart, lengths in its own unit."""
 
     zeta: Vector  # z1, ..., z4 (4,)
     u1: Vector  # u_d1 and its first two derivatives (3,)
@@ -86,10 +90,13 @@ def _circles(reference: Reference, t: Scalar) -> Pair[Desired]:
     """
     s, c = sincos(reference.arm_rate * t)
 
-    def circle(radius: Scalar, centre: Scalar, swing: Scalar, unit: Scalar | None) -> Desired:
+    def circle(radius: Scalar, centre: Scalar, swing: Scalar, unit: Any) -> Desired:
         angle, speed = centre - swing * c, swing * reference.arm_rate * s
         turn, rate = reference.rate * t, reference.rate
-        long = None if unit is None else LongDesired((turn, radius / unit, 0.0, 0.0), (rate, 0.0, 0.0), 0.0)
+        long = None
+        if unit is not None:
+            z2 = jnp.log(radius) if isinstance(unit, LogPolar) else radius / unit
+            long = LongDesired((turn, z2, 0.0, 0.0), (rate, 0.0, 0.0), 0.0)
         return Desired(turn, radius, 0.0, rate, 0.0, 0.0, (angle,), (speed,), long)
 
     return per_robot(circle, reference.radius, reference.arm_centre, reference.arm_swing, reference.unit)
@@ -108,8 +115,10 @@ def _beside_the_path(known: Known, t: Scalar) -> Pair[Desired]:
     yaw, yaw_rate = at(aim.yaw.value, aim.yaw.rate), at(aim.yaw.rate, aim.yaw.acceleration)
     arms = ((yaw,), (yaw_rate,)), ((0.5 * math.pi,), (0.0,))
 
-    def beside(offset: Scalar, unit: Scalar | None, arm: tuple[Vector, Vector]) -> Desired:
+    def beside(offset: Scalar, unit: Any, arm: tuple[Vector, Vector], polar: PolarAim | None) -> Desired:
         desired = Desired(heading, across + offset, ahead, turn, advance, turn_rate, *arm)
+        if polar is not None:
+            return desired._replace(long=_polar(polar, at))
         if unit is None or aim.long is None:
             return desired
         z4, advance_4 = at(aim.long.z4.value, aim.long.z4.rate), at(aim.long.z4.rate, aim.long.z4.acceleration)
@@ -117,7 +126,15 @@ def _beside_the_path(known: Known, t: Scalar) -> Pair[Desired]:
         rates = (turn, turn_rate, at(aim.turn.acceleration, aim.long.turn_jerk))
         return desired._replace(long=LongDesired(zeta, rates, advance_4 / unit))
 
-    return per_robot(beside, known.reference.offset, known.reference.unit, arms)
+    return per_robot(beside, known.reference.offset, known.reference.unit, arms, aim.polar)
+
+
+def _polar(aim: PolarAim, at: Callable[[Scalar, Scalar], Scalar]) -> LongDesired:
+    """Chained form about the origin; ``at`` gives a value its rate."""
+    z1, z2, z3, z4 = aim.zeta
+    u1, u2 = aim.turn[0], aim.advance[0]
+    zeta = (at(z1, u1), at(z2, u1 * z3), at(z3, u1 * z4), at(z4, u2))
+    return LongDesired(zeta, tuple(map(at, aim.turn[:-1], aim.turn[1:])), at(u2, aim.advance[1]))
 
 
 def desired_force(reference: AnyReference, rows: tuple[str, ...], t: Scalar) -> Vector:

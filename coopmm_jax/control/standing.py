@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from coopmm_jax.algebra.types import Pair, Scalar
 from coopmm_jax.control.reference import Desired, desired_motion
+from coopmm_jax.mechanics import log_polar
 from coopmm_jax.mechanics.coordinates import AnyPosition
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.robot import per_robot
@@ -22,7 +23,12 @@ def standing_start(model: Model, parameters: Parameters, t: Scalar) -> Pair[AnyP
 
     def at(geometry: Geometry, pose: Pose, desired: Desired) -> AnyPosition:
         front, long = geometry.front, desired.long
-        rho = 0.0 if front is None or long is None else front.unit * (long.zeta[1] + long.zeta[3])
+        if front is None or long is None:
+            rho = 0.0
+        elif front.chart is not None:
+            rho = log_polar.turning_radius(front, long.zeta)
+        else:
+            rho = front.unit * (long.zeta[1] + long.zeta[3])
         return standing(geometry, pose, rho)
 
     return per_robot(at, model.geometry, parameters.start, desired_motion(model.reference, t))

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from coopmm_jax.algebra.matrix import Matrix, plus
+from coopmm_jax.algebra.matrix import Matrix, add, mul, plus, sub
 from coopmm_jax.algebra.sincos import sincos, wrapped
 from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.mechanics import pitch_links, two_axles
@@ -251,7 +251,7 @@ def tip_bias(geometry: Geometry, arm: AnyPosture, rates: Vector, T_rate: Vector)
     """Acceleration of the tip along e, n and up when udot = 0 [m/s^2]."""
     b = geometry.mount_offset
     V, w, W = rates[:3]
-    lateral, forward = -w * V, T_rate[0] - b * w * w
+    lateral, forward = sub(-w * V, mul(b, T_rate[1])), T_rate[0] - b * w * w
     if isinstance(arm, LinkPosture):
         inward, reach_rate, up = pitch_links.tip_bias(geometry, arm, rates)
     else:
@@ -263,4 +263,4 @@ def tip_bias(geometry: Geometry, arm: AnyPosture, rates: Vector, T_rate: Vector)
     for x in inward:
         along = along - x
     across = -arm.c1 * lateral - arm.s1 * forward + 2.0 * W * reach_rate
-    return along - W * W * arm.reach, across, up
+    return along - W * W * arm.reach, add(across, mul(arm.reach, T_rate[2])), up

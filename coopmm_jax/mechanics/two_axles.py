@@ -12,7 +12,7 @@ With z4 = dz3/dz1 = wheelbase cot(phi) - z2 the rear axle turns about a point at
 for speed and yaw rate of both axles, and (8) has u2 = dz4/dt. Lengths of the chained form are in a ``unit`` of the
 platform's own, as the chained form does not change with it: u2 is then about a steering rate, and the least eigenvalue
 of the reduced inertia is some hundred times that of a form in metres. A front axle straight ahead is singular, as z4 is
-infinite there.
+infinite there; ``log_polar`` has the chart that does without.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.angle import angle_of
 from coopmm_jax.algebra.matrix import Matrix
 from coopmm_jax.algebra.types import Scalar, Vector
+from coopmm_jax.mechanics import log_polar
 from coopmm_jax.mechanics.coordinates import LongPosition, with_joints
 from coopmm_jax.parameters import Car, Front, FrontInertia
 
@@ -67,17 +68,23 @@ def lengthened(front: Front, place: Vector, rho: Scalar, arm: Vector) -> LongPos
         rho: distance of the centre of turning to the left of the rear axle [m].
         arm: joint angles (3,) [rad].
     """
+    if front.chart is not None:
+        return log_polar.lengthened(place, rho, arm)
     z1, z2, z3 = place
     return with_joints(LongPosition, (z1, z2 / front.unit, z3 / front.unit, (rho - z2) / front.unit), arm)
 
 
 def place(front: Front, position: LongPosition) -> tuple[Scalar, Scalar, Scalar]:
     """z1, z2, z3 of (6) [rad, m, m]."""
+    if front.chart is not None:
+        return log_polar.place(position)
     return position.z1, front.unit * position.z2, front.unit * position.z3
 
 
 def steering(front: Front, position: LongPosition) -> Scalar:
     """Angle phi of the front axle, positive to the left [rad]."""
+    if front.chart is not None:
+        return log_polar.steering(front, position)
     rho = _turn(front, position).rho
     side = jnp.where(rho < 0.0, -1.0, 1.0)
     return angle_of(side * rho, side * front.wheelbase)
@@ -90,16 +97,25 @@ def turning_radius(front: Front, angle: Scalar) -> Scalar:
 
 def platform_map(front: Front, position: LongPosition) -> tuple[Vector, Vector]:
     """Body rates V and w, rows (2,) in (u1, u2); the rear axle's do not see u2."""
+    if front.chart is not None:
+        at = log_polar.turn(front, position[:4])
+        return (at.speed, 0), (at.yaw, 0)
     return (front.unit * (position.z2 + position.z4), 0), (1, 0)
 
 
 def platform_map_rate(front: Front, position: LongPosition, u: Vector) -> tuple[Scalar, Scalar]:
     """Derivatives of V and w where udot = 0 [m/s^2, rad/s^2]."""
+    if front.chart is not None:
+        _, rate = log_polar.turn_and_rate(front, position, u)
+        return rate.speed * u[0], rate.yaw * u[0]
     return front.unit * u[0] * (u[0] * position.z3 + u[1]), 0
 
 
 def front_motion(front: Front, position: LongPosition, u: Vector) -> FrontMotion:
     """Motion of the front axle at velocities u (5,)."""
+    if front.chart is not None:
+        rows, bias = log_polar.front_rows(front, position, u)
+        return FrontMotion(rows, rows @ u, bias)
     (z3, rho, ahead, q), z4 = _turn(front, position), front.unit * position.z4
     u1, u2 = u[0], front.unit * u[1]
     rho_rate = u1 * z3 + u2
@@ -136,6 +152,8 @@ def actuator_force(front: Front, wheel_radius: Scalar, position: LongPosition, t
         position: of the robot.
         torque: (5,) [N m].
     """
+    if front.chart is not None:
+        return log_polar.actuator_force(front, wheel_radius, position, torque)
     first, second, *joints = torque
     z3, rho, ahead, q = _turn(front, position)
     if isinstance(front, Car):
@@ -146,6 +164,8 @@ def actuator_force(front: Front, wheel_radius: Scalar, position: LongPosition, t
 
 def actuator_torque(front: Front, wheel_radius: Scalar, position: LongPosition, force: Vector) -> Vector:
     """Inverse of ``actuator_force``: the five torques [N m] that exert a generalised force in u."""
+    if front.chart is not None:
+        return log_polar.actuator_torque(front, wheel_radius, position, force)
     first, second, *joints = force
     z3, rho, ahead, q = _turn(front, position)
     turning = -second / (q * front.unit)
@@ -158,6 +178,8 @@ def actuator_torque(front: Front, wheel_radius: Scalar, position: LongPosition, 
 
 def actuator_rates(front: Front, wheel_radius: Scalar, position: LongPosition, u: Vector) -> Vector:
     """Rates of the actuators (5,) [rad/s]: B^T u, so that torque times rate is power."""
+    if front.chart is not None:
+        return log_polar.actuator_rates(front, wheel_radius, position, u)
     z3, rho, ahead, q = _turn(front, position)
     bending = -q * (z3 * u[0] + front.unit * u[1])  # dphi/dt
     if isinstance(front, Car):

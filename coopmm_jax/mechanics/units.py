@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.types import Pair, Scalar
 from coopmm_jax.kinds.paths import bent_frame, span
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.parameters import Geometry, Parameters, PathReference, Reference
+from coopmm_jax.parameters import Geometry, LogPolar, Parameters, PathReference, Reference
 
 _PHASES = 64
 
 
-def units_of(parameters: Parameters) -> Pair[Scalar | None]:
-    """Unit of length of the chained form of each platform on two axles [m]; None of others.
+def units_of(parameters: Parameters) -> Pair[Any]:
+    """Unit of length of the chained form of each platform on two axles [m], or its chart; None of others.
 
     Of a platform that has none given it makes u2 the rate of the steering at a turning radius in the middle of the
     desired motion: wheelbase + rho^2 / wheelbase.
     """
 
-    def unit(geometry: Geometry, rho: Scalar) -> Scalar | None:
+    def unit(geometry: Geometry, rho: Scalar) -> Any:
         front = geometry.front
+        if front is not None and front.chart is not None:
+            return front.chart
         if front is None or front.unit is not None:
             return None if front is None else front.unit
         return front.wheelbase + rho * rho / front.wheelbase
@@ -40,6 +44,8 @@ def mean_radii(reference: Reference | PathReference) -> Pair[Scalar]:
     return per_robot(lambda offset: jnp.mean(jnp.abs(1.0 / curvatures + offset)), reference.offset)
 
 
-def with_unit(geometry: Geometry, unit: Scalar | None) -> Geometry:
-    """Geometry of a robot whose chained form has a unit of length [m]; None where it has no front axle."""
-    return geometry if geometry.front is None else geometry._replace(front=geometry.front._replace(unit=unit))
+def with_unit(geometry: Geometry, unit: Any) -> Geometry:
+    """Geometry of a robot whose chained form has a unit of length [m], or none; None where it has no front axle."""
+    if geometry.front is None or isinstance(unit, LogPolar):
+        return geometry
+    return geometry._replace(front=geometry.front._replace(unit=unit))

@@ -27,7 +27,7 @@ from coopmm_jax.loop.devices import torque_limits
 from coopmm_jax.loop.state import Signals
 from coopmm_jax.mechanics.robot import ROBOTS, WHEELS
 from coopmm_jax.metrics.table import IMPACT, SETTLED
-from coopmm_jax.parameters import Hardware, Parameters, Plant, Reference, Structure, Surface
+from coopmm_jax.parameters import Hardware, Parameters, Reference, Structure, Surface
 
 # Quantities that are sums over all actuators: a mean is one over all of them.
 OF_ACTUATORS = ("torque_squared", "saturated")
@@ -161,8 +161,7 @@ def quantities(
         "torque_change": sum(change),
         "wheel_torque_change": sum(change[: ROBOTS * WHEELS]),
         "joint_torque_change": sum(change[ROBOTS * WHEELS :]),
-        "persistence": lateral(parameters.gains)
-        * _least_persistence(parameters.plant, _yaw_rate(parameters.reference, t, signals)),
+        "persistence": lateral(parameters.gains) * _least_persistence(parameters, t, signals),
         "c_hat": largest_size(estimates_of(parameters.gains, signals.controller)),
         "constraint_residual": largest_size(
             signals.constraint_residual[len(structure.rows) - len(structure.plant_rows) :]
@@ -171,10 +170,17 @@ def quantities(
     }
 
 
-def _least_persistence(plant: Plant, u_d1: Scalar) -> Scalar:
+def _least_persistence(parameters: Parameters, t: Scalar, signals: Signals) -> Scalar:
     """u_d1^(2 l), l = n_v - 2, of the robot whose errors stay longest."""
-    lengths = {3 if geometry.front is None else 4 for geometry in plant.geometry}
-    return functools.reduce(jnp.minimum, (persistence(u_d1, n_v) for n_v in sorted(lengths)))
+    u_d1, fronts = _yaw_rate(parameters.reference, t, signals), [g.front for g in parameters.plant.geometry]
+    in_polar = [front is not None and front.chart is not None for front in fronts]
+    lengths = {3 if front is None else 4 for front, own in zip(fronts, in_polar, strict=True) if not own}
+    each = [persistence(u_d1, n_v) for n_v in sorted(lengths)]
+    if any(in_polar) and signals.aim is not None:
+        each += [persistence(aim.turn[0], 4) for aim in signals.aim.polar if aim is not None]
+    elif any(in_polar):
+        each += [persistence(u_d1, 4)]
+    return functools.reduce(jnp.minimum, each)
 
 
 def _yaw_rate(reference: AnyReference, t: Scalar, signals: Signals) -> Scalar:

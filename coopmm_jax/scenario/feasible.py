@@ -45,6 +45,8 @@ class Course(NamedTuple):
     height: np.ndarray  # of the object [m]
     force: np.ndarray  # desired contact force [N]
     radius: np.ndarray  # of the path's curvature, positive to the left [m]
+    across: np.ndarray  # of the path, to the right of the origin along its heading [m]
+    ahead: np.ndarray  # likewise ahead of it [m]
 
 
 def check_reference(scenario: Scenario) -> None:
@@ -65,13 +67,15 @@ def check_reference(scenario: Scenario) -> None:
         _check_surface(parameters.plant.surface.shape)
     if not isinstance(parameters.reference, PathReference):
         for i, radius in enumerate(parameters.reference.radius):
-            _check_turning(parameters, i, "reference.radius", np.array([float(radius)]), np.zeros(1))
+            rho, still = np.array([float(radius)]), np.zeros(1)
+            _check_turning(parameters, i, "reference.radius", rho, still, np.array([[float(radius)], [0.0]]))
         return
     course = _course(parameters, scenario.simulation.duration)
     _check_path(parameters.reference, course)
     _check_arms(parameters, course)
     for i, offset in enumerate(parameters.reference.offset):
-        _check_turning(parameters, i, "reference.path", course.radius + float(offset), course.t)
+        place = np.stack([course.across + float(offset), course.ahead])
+        _check_turning(parameters, i, "reference.path", course.radius + float(offset), course.t, place)
     _check_sizes(course)
     deviation = getattr(parameters.reference.path, "deviation", None)
     if deviation is not None:
@@ -145,7 +149,8 @@ def _sample(parameters: Parameters, t: Any) -> tuple[Any, ...]:
     fastest = functools.reduce(jnp.maximum, speeds)
     at_phase, curvature = bent_frame(reference.path, phase)
     lengths = (aim.reach.value, incidence, distance, height)
-    return phase, at_phase.stretch, aim.turn.value, fastest, *lengths, aim.force, 1.0 / curvature
+    place = (1.0 / curvature, aim.across, aim.ahead)
+    return phase, at_phase.stretch, aim.turn.value, fastest, *lengths, aim.force, *place
 
 
 def _check_surface(shape: Any) -> None:
@@ -182,19 +187,38 @@ def _check_sizes(course: Course) -> None:
         raise UserError("reference.force", f"less than {STRONGEST:g} N to either side", f"up to {strongest:.3g}")
 
 
-def _check_turning(parameters: Parameters, robot: int, field: str, rho: np.ndarray, t: np.ndarray) -> None:
-    """Check that a platform on two axles can turn about points at rho (n,) [m] to its left, at times t (n,) [s].
+def _check_turning(
+    parameters: Parameters, robot: int, field: str, rho: np.ndarray, t: np.ndarray, place: np.ndarray
+) -> None:
+    """Check that a platform on two axles can turn as it should, in its chart.
+
+    Args:
+        parameters: of the rollout.
+        robot: 0 or 1.
+        field: to name.
+        rho: distance of the centre of turning to its left (n,) [m].
+        t: times (n,) [s].
+        place: of the platform along its own lateral and forward axes (2, n) [m].
 
     Raises:
-        UserError: of ``field``: straight ahead its chained form is singular, and towards a right angle its steering.
+        UserError: of ``field``: straight ahead the chained form is singular, in the polar chart it is towards or away
+            from the origin, and towards a right angle the steering.
     """
     front = parameters.plant.geometry[robot].front
     if front is None:
         return
-    nearest = float(front.wheelbase)
+    nearest, name = float(front.wheelbase), ("I", "II")[robot]
+    if front.chart is not None:
+        cosine = place[0] / np.hypot(*place)
+        beyond = ~((np.abs(rho) > nearest) & (cosine > FLATTEST))
+        if beyond.any():
+            must = f"such that platform {name}, in the chart logpolar, runs round the origin to the left,"
+            must += f" at a cosine of {FLATTEST:g} or more to circles and turning radii from {nearest:g} m"
+            was = f"cosine {cosine[beyond][0]:.2g}, radius {rho[beyond][0]:.3g} m at {t[beyond][0]:.3g} s"
+            raise UserError(field, must, was)
+        return
     beyond = ~((np.abs(rho) > nearest) & (np.abs(rho) < STRAIGHTEST) & (np.sign(rho) == np.sign(rho[0])))
     if beyond.any():
-        name = ("I", "II")[robot]
         must = f"such that platform {name}, on two axles, turns to one side, at {nearest:g} to {STRAIGHTEST:g} m"
         raise UserError(field, must, f"a radius of {rho[beyond][0]:.3g} m at {t[beyond][0]:.3g} s")
 

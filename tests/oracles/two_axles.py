@@ -41,7 +41,12 @@ def kinetic_energy(geometry: Geometry, inertia: Inertia, q, q_dot):
 
 
 def chained(geometry: Geometry, q):
-    """(z1, ..., z4) (4,), lengths in the platform's unit."""
+    """(z1, ..., z4) (4,), lengths in the platform's unit; about the origin in the chart that is polar."""
+    if geometry.front.chart is not None:
+        bearing, r = jnp.arctan2(q[1], q[0]), jnp.hypot(q[0], q[1])
+        off = q[2] - bearing
+        z4 = (1 - r * jnp.tan(q[3]) / geometry.front.wheelbase / jnp.cos(off)) / jnp.cos(off) ** 2
+        return jnp.stack([bearing, jnp.log(r), -jnp.tan(off), z4])
     z1, z2, z3 = lagrangian.chained_position(q[REST])
     lengths = jnp.stack([z2, z3, geometry.front.wheelbase / jnp.tan(q[3]) - z2])
     return jnp.concatenate([z1[None], lengths / geometry.front.unit])

@@ -12,10 +12,11 @@ from typing import Any, Literal, Self
 from pydantic import model_validator
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Car, Front, FrontInertia, Trailer
+from coopmm_jax.parameters import Car, Front, FrontInertia, LogPolar, Trailer
 from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, Positive, Section, quantity
 
 Kind = Literal["differential", "trailer", "car"]
+Chart = Literal["heading", "logpolar"]
 _FRONTS: dict[str, tuple[Front, FrontInertia]] = {
     "trailer": (Trailer(), FrontInertia()),
     "car": (Car(), FrontInertia(m_f=1.0, I_f=0.5, I_wf=0.1)),
@@ -36,6 +37,9 @@ class PlatformSection(Section):
     )
     I_wf: Pair[Positive] | None = quantity(
         None, "moment of inertia of one front wheel about its axle; 1, of a car 0.1 [kg m^2]"
+    )
+    chart: Pair[Chart] | None = quantity(
+        None, "chained form from the heading, or logpolar: about the origin, where a platform can also drive straight"
     )
     unit: Pair[Positive] | None = quantity(
         None, "unit of length of the chained form; wheelbase + rho^2/wheelbase at the mean turning radius rho [m]"
@@ -73,8 +77,10 @@ class PlatformSection(Section):
             if kind == "differential":
                 return None
             usual = _FRONTS[kind][which]
-            given = {name: getattr(self, name) for name in usual._fields}
-            return usual._replace(**{name: _both(value)[i] for name, value in given.items() if value is not None})
+            given = {name: getattr(self, name) for name in usual._fields if name != "chart"}
+            numbers = {name: _both(value)[i] for name, value in given.items() if value is not None}
+            polar = {"chart": LogPolar()} if which == 0 and _both(self.chart)[i] == "logpolar" else {}
+            return usual._replace(**numbers, **polar)
 
         first, second = self.kinds
         return one(0, first), one(1, second)
@@ -87,6 +93,8 @@ class PlatformSection(Section):
         for front, kind in zip(self.fronts(), self.kinds, strict=True):
             if kind == "trailer" and front is not None and not _positive(front.l_f):
                 raise UserError("l_f", "positive of a trailer, whose tractor turns by its wheels", front.l_f)
+        if self.unit is not None and "logpolar" in _both(self.chart):
+            raise UserError("unit", "left out of the chart logpolar, which has none", self.unit)
         return self
 
 
