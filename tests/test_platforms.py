@@ -267,9 +267,7 @@ def test_odd_sections_are_refused_in_one_line_or_pass():
 
 def test_desired_motion_about_the_origin_meets_the_chained_form():
     """(8) by differentiating each coordinate in time, of a platform beside an ellipse that starts from standstill."""
-    aim, rates = jax.jit(
-        lambda t: jax.jvp(lambda t: polar_aim(Ellipse(), Rate(ramp=0.5), 0.7, t), (t,), (np.ones_like(t),))
-    )(0.7)
+    aim, rates = jax.jit(lambda t: jax.jvp(lambda t: polar_aim(Ellipse(), Rate(ramp=0.5), 0.7, t), (t,), (1.0,)))(0.7)
     u1, (_, _, z3, z4) = aim.turn[0], aim.zeta
     found = (*rates.zeta, *rates.turn[:3], rates.advance[0])
     np.testing.assert_allclose(found, (u1, u1 * z3, u1 * z4, aim.advance[0], *aim.turn[1:], aim.advance[1]), atol=1e-13)
