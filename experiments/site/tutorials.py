@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 NOTEBOOKS, EXECUTED = ROOT / "experiments" / "notebooks", ROOT / "build" / "notebooks"
 ORDER = (
     *("first_contact", "control_law", "robustness_sweep", "gain_tuning"),
-    *("own_optimiser", "extending", "proof_step_39"),
+    *("own_optimiser", "extending", "another_robot", "proof_step_39"),
 )
 
 
