@@ -299,7 +299,9 @@ def _current(scenario: BaseScenario, place: str) -> tuple[BaseModel, Any]:
             raise UserError(f"uncertainty.{place}", f"given in [nominal], where {field} is to vary", "left out")
         scale = scenario.nominal.scale
         return owner, tuple(scale * x for x in plant) if isinstance(plant, tuple) else scale * plant
-    entries = itertools.chain(*value) if _nested(value) else value if isinstance(value, tuple) else (value,)
+    entries = value if isinstance(value, tuple) else (value,)
+    if _nested(value):
+        entries = tuple(itertools.chain(*entries))
     if not all(isinstance(x, float) for x in entries):
         raise UserError(f"uncertainty.{place}", "a field whose values are real numbers", _told(value))
     if isinstance(owner, KindSection) and owner.fixed(field):
