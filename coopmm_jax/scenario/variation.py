@@ -299,7 +299,7 @@ def _current(scenario: BaseScenario, place: str) -> tuple[BaseModel, Any]:
             raise UserError(f"uncertainty.{place}", f"given in [nominal], where {field} is to vary", "left out")
         scale = scenario.nominal.scale
         return owner, tuple(scale * x for x in plant) if isinstance(plant, tuple) else scale * plant
-    entries = value if isinstance(value, tuple) else (value,)
+    entries: tuple = value if isinstance(value, tuple) else (value,)
     if _nested(value):
         entries = tuple(itertools.chain(*entries))
     if not all(isinstance(x, float) for x in entries):
