@@ -8,7 +8,7 @@ from tuning.cost import evaluate as batches
 from tuning.cost import problem as problem_module
 from tuning.cost.objective import FAILED
 from tuning.cost.problem import unscaled
-from tuning.cost.trials import DrawnTrials
+from tuning.cost.trials import DrawnTrials, steps_of
 from tuning.search import method, stages
 from tuning.search.method import Candidate
 
@@ -23,9 +23,12 @@ def test_auto_goes_along_gradients_where_numbers_are_many(knots, kind):
     assert isinstance(stages.plan(unscaled(scenario(schedule=knots))).wide, kind)
 
 
-def test_narrow_generations_take_more_samples_than_wide_ones():
-    chosen = stages.plan(unscaled(scenario(optimiser="cma", samples=3)))
-    assert (chosen.wide.samples, chosen.narrow.samples) == (3, 12)
+@pytest.mark.parametrize(("budget", "times"), [(0.99, 1), (1.01, 4)])
+def test_narrow_generations_take_more_samples_if_the_budget_has_room_for_fifteen(budget, times):
+    settings = {"optimiser": "cma", "samples": 3, "population": 8}
+    fifteen = 15 * 8 * 12 * steps_of(unscaled(scenario())) / 1e6
+    chosen = stages.plan(unscaled(scenario(budget=2.0 * budget * fifteen, **settings)))
+    assert (chosen.wide.samples, chosen.narrow.samples) == (3, 3 * times)
 
 
 def test_a_scan_finds_the_gain_that_is_far_off():

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
+from tuning.cost.trials import steps_of
 from tuning.search import cma, method
 from tuning.search.method import LBFGS, Candidate, Optax, Trials
 
@@ -37,6 +38,9 @@ DECAY = 100  # descent steps over which a cosine schedule falls to zero
 # Times as many samples for narrow generations: tuned gains of ``sensed`` may chatter on the few robots with the
 # lightest masses and the strongest disturbances, and among four there is mostly none (see experiments/README.md).
 FINE = 4
+ROOM = (
+    15  # such generations that half of the budget must have room for; otherwise narrow ones take no more than wide ones
+)
 _SMALL = 1e-3  # standard deviation, a factor on a gain, below which generations have converged
 _WORTH = 1e-4  # least improvement for which a scan moves a gain
 
@@ -261,8 +265,14 @@ def plan(problem: Problem) -> Plan:
         name = "cma" if space.size < MANY else "lbfgs"
     if name == "cma":
         wide = Generations(seed, settings.samples, settings.population, WIDE, HALF, coarse)
-        narrow = Generations(seed, FINE * settings.samples, settings.population, NARROW, 1.0)
+        narrow = Generations(seed, _narrow_samples(problem), settings.population, NARROW, 1.0)
         return Plan(first, wide, scan, narrow)
     chosen = method.method(name, settings.learning_rate, settings.decay, settings.clip, DECAY)
     wide = Descents(chosen, settings.samples, settings.steps, settings.patience, HALF)
     return Plan(first, wide, scan, replace(wide, until=1.0))
+
+
+def _narrow_samples(problem: Problem) -> int:
+    settings = problem.scenario.tuning
+    generation = FINE * settings.samples * settings.population * steps_of(problem)
+    return settings.samples * (FINE if HALF * 1e6 * settings.budget >= ROOM * generation else 1)

@@ -134,7 +134,7 @@ class TuningSection(Section):
     screening_samples: Count = quantity(4, "samples that choose among the starting points")
     samples: Count = quantity(
         4,
-        "samples of a generation or descent, drawn anew for each; of a scan 2, of a narrow generation 4 times as many",
+        "samples of a generation or descent, drawn anew; of a scan 2, of late generations up to 4 times as many",
     )
     precision: Literal["mixed", "float64"] = quantity(
         "mixed", "floating point numbers: mixed takes float32 where candidates lie far apart, twice as fast"
