@@ -38,9 +38,8 @@ DECAY = 100  # descent steps over which a cosine schedule falls to zero
 # Times as many samples for narrow generations: tuned gains of ``sensed`` may chatter on the few robots with the
 # lightest masses and the strongest disturbances, and among four there is mostly none (see experiments/README.md).
 FINE = 4
-ROOM = (
-    15  # such generations that half of the budget must have room for; otherwise narrow ones take no more than wide ones
-)
+# Such generations that half of the budget must have room for; else narrow ones take no more samples than wide ones.
+ROOM = 15
 _SMALL = 1e-3  # standard deviation, a factor on a gain, below which generations have converged
 _WORTH = 1e-4  # least improvement for which a scan moves a gain
 
