@@ -30,8 +30,9 @@ docs: $(VENV)/.installed-test $(NOTEBOOKS)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 	@echo "the documentation is in build/site/index.html"
 
+# Kernels warn that they talk without encryption, which they do on this machine alone.
 build/notebooks/%.ipynb: experiments/notebooks/%.ipynb | $(VENV)/.installed-test
-	$(BIN)/python -m nbconvert --execute --to notebook --output-dir build/notebooks $<
+	$(BIN)/python -m nbconvert --execute --ExecutePreprocessor.extra_arguments=--log-level=40 --to notebook --output-dir build/notebooks $<
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
