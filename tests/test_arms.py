@@ -2,8 +2,11 @@
 
 import math
 import random
+import re
+import textwrap
 import tomllib
 from functools import partial
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -391,3 +394,10 @@ def test_start_that_no_arm_reaches_names_robot_and_distance():
     found = missed(far.structure(), far.parameters())
     assert found["II"] == pytest.approx(4.0 - 1.7 - 1.0, abs=1e-4)
     assert missed(Structure(), load_scenario("paper").parameters()) == {}
+
+
+def test_the_pages_example_is_a_scenario(tmp_path):
+    page = (Path(__file__).parent.parent / "docs" / "arms.md").read_text(encoding="utf-8")
+    example = re.match(r"# .*\n\n((?: {4}.*\n|\n)*)", page)[1]
+    (tmp_path / "arm.toml").write_text('base = "sensed"\n' + textwrap.dedent(example))
+    assert load_scenario(tmp_path / "arm.toml").structure().joints == (6, 5)

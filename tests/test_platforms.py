@@ -298,3 +298,15 @@ def test_what_does_not_fit_the_chart_is_one_line(changes, complaint):
     with pytest.raises(UserError) as caught:
         check_reference(load_scenario("trailer", platform={"chart": "logpolar"}).with_overrides(changes))
     assert str(caught.value).startswith(complaint)
+
+
+def test_a_list_of_two_wheelbases_varies_as_a_whole_and_in_part():
+    law = {"distribution": "uniform", "low": 0.9, "high": 1.1, "relative": True}
+
+    def varied(name):
+        scenario = load_scenario("trailer", platform={"wheelbase": [0.8, 0.7]}, uncertainty={name: law})
+        return [(number.name, number.base) for number in vary(scenario).numbers if "wheelbase" in number.name]
+
+    both = [("platform.wheelbase.1", 0.8), ("platform.wheelbase.2", 0.7)]
+    assert varied("platform.wheelbase") == both
+    assert varied("platform.wheelbase.2") == both[1:]

@@ -132,7 +132,7 @@ def test_other_bad_input(sweep, tmp_path, capsys):
     sweep(8, out=tmp_path / "s.zarr")
     store = str(tmp_path / "s.zarr")
     for arguments, message in (
-        (["report", str(tmp_path)], f"store: must be the store of a sweep, was {tmp_path} (not there)"),
+        (["report", str(tmp_path)], f"store: must be the store of a sweep, was {tmp_path} (not a store)"),
         (["report", store, "--gains.k0", "2"], "--gains.k0: must be one of --requirements.METRIC"),
         (["simulate", "--from", store, "--sample", "8"], "sample: must be from 0 to 7, was 8"),
         (["simulate", "--from", store], "--sample: must be given together with --from, was missing"),

@@ -72,6 +72,17 @@ def test_controllers_in_folders_of_their_own_are_shown_together(tuned, tmp_path)
     lines, ended = watch.view(tmp_path)
     assert not ended
     assert [line.split(": ")[1].split()[0] for line in lines if str(tmp_path) in line] == ["in", "ended"]
+    (tmp_path / "paper" / "gains.toml").write_text("")
+    with locked_folder(tmp_path):  # a third one is still to come
+        assert not watch.view(tmp_path).ended
+    assert watch.view(tmp_path).ended
+
+
+def test_the_report_of_a_front_ends_it(tmp_path):
+    (tmp_path / "report.html").write_text("")
+    with locked_folder(tmp_path):
+        assert not watch.view(tmp_path).ended
+    assert watch.view(tmp_path) == ([f"{tmp_path}: ended, see report.html"], True)
 
 
 def test_the_curve_falls_as_the_costs_do():

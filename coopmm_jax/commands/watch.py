@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from coopmm_jax.commands import DONE
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import LOCK, read_npz, resolve_path
+from coopmm_jax.page import REPORT
 from coopmm_jax.scenario.gains_file import GAINS_FILE
 from coopmm_jax.scenario.overrides import read_toml
 from coopmm_jax.scenario.sections.tuning import minimised
@@ -78,9 +79,13 @@ def view(folder: Path) -> View:
     inner = sorted(path.parent for path in folder.glob(f"*/{HISTORY}"))
     if inner:
         views = [_tuning(path) for path in inner]
-        return View([line for each in views for line in (*each.lines, "")], all(each.ended for each in views))
+        begins_another = (folder / LOCK).exists()
+        ended = all(each.ended for each in views) and not begins_another
+        return View([line for each in views for line in (*each.lines, "")], ended)
     if (folder / LOCK).exists():
         return View([f"{folder}: compiling and screening; the first cost comes when all starts are measured"], False)
+    if (folder / REPORT).exists():  # of a front, whose tunings write no histories
+        return View([f"{folder}: ended, see {REPORT}"], True)
     from coopmm_jax.sweeps.store import computed  # imports zarr
 
     done, total = computed(folder)

@@ -45,8 +45,8 @@ def _of_error(stem: str, robot: str, unit: str, meaning: str) -> Iterator[Metric
 _TRACKING = "tracking error (norm of all heading, position and arm errors)"
 _FORCE, _FORCE_ERROR = "normal contact force", "normal contact force less the desired one"
 _LOST = f"samples with a negative {_FORCE}, or the tip off a compliant surface"
-_TORQUES = "torques of all ten actuators"
-_WHEELS, _JOINTS = "torques of the four wheels", "torques of the six arm joints"
+_TORQUES = "torques of all actuators"
+_WHEELS, _JOINTS = "torques of the wheels", "torques of the arm joints"
 _YIELDS = "a compliant surface; 0 of a rigid one"
 
 # Samples are the steps (control periods of a sampled loop) 0, 1, ..., up to the horizon or a failure.
@@ -124,7 +124,7 @@ _TABLE = (
     Metric(
         "saturation_fraction",
         "-",
-        "torques commanded beyond an actuator's limit, of all samples of all ten actuators",
+        "torques commanded beyond an actuator's limit, of all samples of all actuators",
         "saturated",
         "mean",
     ),

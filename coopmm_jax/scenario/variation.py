@@ -246,7 +246,7 @@ def _of_field(scenario: BaseScenario, entry: Entry, place: str) -> list[Number]:
     if robot is not None or _nested(value):
         return _of_lists(entry, place, robot, owner, value)
     kind, field, law = type(owner), place.rpartition(".")[2], entry.distribution
-    count = _count(kind, field, value)
+    count = _count(owner, field, value)
     if entry.part is not None and entry.part >= count and not (field == "m_obj" and entry.part in (0, 1)):
         must = f"{place}.1 to .{count}" if count else f"{place}, which has no list of two"
         raise UserError(f"uncertainty.{entry.name}", must, entry.name)
@@ -314,15 +314,16 @@ def _told(value: Any) -> Any:
     return f"[{value.kind}]" if isinstance(value, KindSection) else value
 
 
-def _count(kind: type[BaseModel], field: str, value: Any) -> int:
+def _count(owner: BaseModel, field: str, value: Any) -> int:
     """Numbers that a field takes: 2 where each robot has one, those of a list, else 0."""
+    kind = type(owner)
     if issubclass(kind, KindSection) and field in kind.about().fields:
         type_ = kind.about().fields[field].type
         return 2 if is_pair(type_) else len(value) if is_vector(type_) else 0
     if field in getattr(kind, "per_link", ()):
         return len(value)
     try:
-        validate(kind, {field: _pair(value)})
+        validate(kind, owner.model_dump(exclude_none=True) | {field: _pair(value)})
     except UserError:
         return 0
     return 2

@@ -33,7 +33,7 @@ SERIES: dict[str, tuple[str, str]] = {
     "relative_tip_error": ("m", "distance of tip I from its desired point on the object's surface"),
     "contact_force": ("N", "normal contact force"),
     "internal_force": ("N", "largest size of the other constraint forces"),
-    "torque": ("N m", "largest size of the ten actuators' torques"),
+    "torque": ("N m", "largest size of all actuators' torques"),
     "c_hat": ("-", "largest estimate of an uncertainty bound"),
 }
 

@@ -157,8 +157,9 @@ def computed(path: Path) -> tuple[int, int]:
         group = zarr.open_group(LocalStore(path), mode="r", use_consolidated=False)
         total, size = room(group), int(str(group.attrs["batch"]))
         return min(total, size * int(np.count_nonzero(written(group)))), total
-    except Exception as error:  # whatever zarr makes of a foreign file
-        raise UserError("DIR", "the folder of a tuning, or the store of a sweep", f"{path} ({error})") from None
+    except Exception:  # whatever zarr makes of a foreign file
+        was = path if path.exists() else f"{path} (not there)"
+        raise UserError("DIR", "the folder of a tuning, or the store of a sweep", was) from None
 
 
 def discard(path: Path) -> None:
@@ -271,7 +272,7 @@ def _group(path: Path) -> zarr.Group:
     except UserError:
         raise
     except FileNotFoundError:
-        reason = "not there"
+        reason = "not a store" if path.exists() else "not there"
     except Exception as error:  # whatever zarr makes of a damaged or foreign file
         reason = str(error)
     raise UserError("store", "the store of a sweep", f"{path} ({reason})")

@@ -66,7 +66,7 @@ _TABLE = (
     SignalAbout("force_error", "N", "normal contact force less the desired one"),
     SignalAbout("internal_force", "N", "largest size of the other constraint forces; 0 if there are no other rows"),
     SignalAbout("gap", "m", "distance of the tip from a compliant surface; 0 in contact, and of a rigid one"),
-    SignalAbout("torque", "N m", "largest size of the ten actuators' torques"),
+    SignalAbout("torque", "N m", "largest size of all actuators' torques"),
     SignalAbout("c_hat", "-", "largest estimate c_hat of an uncertainty bound; 0 of a controller without"),
     SignalAbout("constraint_residual", "m", "largest size of a constraint residual phi"),
     SignalAbout("determinant", "-", "smallest |det J_dep| of an arm over its first: 0 where an arm is singular"),
