@@ -36,6 +36,7 @@ pre { background: #f5f5f5; padding: 0.75rem; overflow-x: auto; font-size: 0.8rem
 @media print {
   body { max-width: none; font-size: 10pt } pre { white-space: pre-wrap; overflow-wrap: anywhere }
   h2 { break-after: avoid } figure, tr { break-inside: avoid } .wide { overflow: visible }
+  img { max-height: 92vh; width: auto } /* no figure is cut at the end of a page */
   table { font-size: 7.5pt } th, td { padding: 0.15rem 0.35rem } td.text { min-width: 11rem }
   pre.settings { columns: 2; font-size: 7pt }
 }
@@ -144,7 +145,8 @@ def _table(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> Iterator[str
     rows = [list(row) for row in rows]
     ends = rows[0] if rows else []
     kinds = [_kind(ends[i]) if i < len(ends) else "" for i, _ in enumerate(header)]
-    yield f"<tr>{''.join(f'<th{kind}>{escape(cell)}</th>' for kind, cell in zip(kinds, header, strict=True))}</tr>"
+    names = "".join(f"<th{kind}>{escape(cell)}</th>" for kind, cell in zip(kinds, header, strict=True))
+    yield f"<thead><tr>{names}</tr></thead>"  # which stands again on each page in print
     for row in rows:
         yield f"<tr>{''.join(map(_cell, row))}</tr>"
     yield "</table></div>"
