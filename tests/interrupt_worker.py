@@ -1,5 +1,6 @@
 """The command line around a computation that XLA does not come back from."""
 
+import signal
 import sys
 
 import jax
@@ -16,5 +17,6 @@ def endless(scenario):
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the tests were begun in the background
     coopmm_jax.simulate = endless
     sys.exit(cli.main())
