@@ -1,19 +1,13 @@
-"""Arms link by link against a serial chain, energies and MuJoCo; what rows ask of them; scenario sections."""
+"""Arms link by link against a serial chain, energies and MuJoCo; what rows ask of them."""
 
 import math
-import random
-import re
-import textwrap
-import tomllib
 from functools import partial
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coopmm_jax.errors import UserError
 from coopmm_jax.mechanics import robot_dynamics, robot_kinematics
 from coopmm_jax.mechanics.coordinates import arm_of
 from coopmm_jax.mechanics.model import build_model
@@ -21,9 +15,7 @@ from coopmm_jax.mechanics.partitioning import dependent_solution, partition
 from coopmm_jax.mechanics.plant import plant_kinematics, respond
 from coopmm_jax.parameters import Arm, LiftedArm, LinkInertia, Parameters, Plant, Pose, Structure
 from coopmm_jax.runs.reach import missed
-from coopmm_jax.scenario.feasible import check_reference
 from coopmm_jax.scenario.scenario import load_scenario
-from coopmm_jax.scenario.variation import vary
 from tests.oracles import mujoco_tree, serial_chain
 from tests.samples import GRAVITY, assert_close, linear_map, random_geometry, random_inertia, vector
 
@@ -84,9 +76,9 @@ def test_equation_of_motion_is_that_of_a_serial_chain_and_of_mujoco(kind, links)
         chain = in_chained_form(q, u, partial(serial_chain.inverse_dynamics, geometry, inertia, GRAVITY, q[3:]))
         M_v, h_v = mujoco_tree.quasi_velocity_terms(geometry, inertia, GRAVITY, q, u_to_v(q, u))
         tree = in_chained_form(q, u, lambda v, v_dot, M_v=M_v, h_v=h_v: M_v @ v_dot + h_v)
-        for M_other, h_other in (chain, tree):
-            assert_close(M, M_other, 1e-12)
-            assert_close(h, h_other, 1e-12)
+        for (M_other, h_other), tolerance in ((chain, 4e-14), (tree, 1e-13)):
+            assert_close(M, M_other, tolerance)
+            assert_close(h, h_other, tolerance)
         assert_close(M, M.T, 1e-14)
         assert np.linalg.eigvalsh(M).min() > 0
 
@@ -130,18 +122,18 @@ def lifted():
 def test_energies_give_the_same_equations_and_a_skew_difference(lifted):
     (geometry, inertia, q, u), (S, M_energy, C, G) = lifted
     M, h = equation_of_motion(geometry, inertia, q, u)
-    assert_close(M, M_energy, 1e-13)
-    assert_close(h, C @ u + G, 1e-13)
+    assert_close(M, M_energy, 1e-14)
+    assert_close(h, C @ u + G, 1e-14)
     q_dot, step = S @ u, 1e-4
     around = [
         w * equation_of_motion(geometry, inertia, q + k * step * q_dot, u)[0]
         for k, w in ((-2, 1), (-1, -8), (1, 8), (2, -1))
     ]
     difference = sum(around) / (12 * step) - 2 * C
-    assert np.abs(difference + difference.T).max() < 1e-8 * np.abs(difference).max()
+    assert np.abs(difference + difference.T).max() < 1e-10 * np.abs(difference).max()
     lumped = robot_dynamics.lump(geometry, inertia)
     posture = robot_kinematics.posture(geometry, position_of(q))
-    assert_close(vector(robot_dynamics.gravity_force(lumped, GRAVITY, posture, geometry)), G, 1e-13)
+    assert_close(vector(robot_dynamics.gravity_force(lumped, GRAVITY, posture, geometry)), G, 1e-14)
 
 
 STRUCTURE = Structure(joints=(6, 6))
@@ -222,7 +214,7 @@ def test_power_balance_of_two_arms(on_rows):
         u, q = vector(state["velocity"][i]), vector(robot_kinematics.unchained(position[i]))
         gained += float(jax.jit(partial(rate, i))(q, u, vector(full[i])))
         power += float(u @ vector(force[i]))
-    assert gained == pytest.approx(power, rel=1e-11)
+    assert gained == pytest.approx(power, rel=5e-15)
     speeds = sum(np.asarray(J) @ vector(u) for J, u in zip(state["J"], state["velocity"], strict=True))
     assert np.abs(speeds).max() < 1e-13
 
@@ -244,11 +236,11 @@ def test_bias_of_the_rows_is_their_acceleration(on_rows):
     h = 1e-4
     expected = sum(w * moved(j * h) for j, w in zip(OFFSETS, WEIGHTS, strict=True)) / h
     found = sum(np.asarray(J) @ vector(x) for J, x in zip(state["J"], state["L_rate"], strict=True))
-    np.testing.assert_allclose(-found, expected, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(-found, expected, atol=5e-11 * np.abs(expected).max())
 
 
 def test_slopes_by_lengths_and_masses_are_those_of_differences(on_rows):
-    """Of accelerations and multipliers, by numbers of single links of either arm; errors seen: 1e-10."""
+    """Of accelerations and multipliers, by numbers of single links of either arm; errors seen: 4e-10."""
     position, _ = on_rows
 
     def cost(x):
@@ -262,7 +254,7 @@ def test_slopes_by_lengths_and_masses_are_those_of_differences(on_rows):
         for unit in np.eye(4)
     ]
     assert np.all(slopes != 0)
-    np.testing.assert_allclose(slopes, differences, rtol=0, atol=1e-8 * np.abs(slopes).max())
+    np.testing.assert_allclose(slopes, differences, rtol=0, atol=4e-9 * np.abs(slopes).max())
 
 
 def test_rows_take_the_last_joints():
@@ -283,121 +275,9 @@ def test_desired_joints_put_the_tip_where_it_is_wanted(kind, links):
     assert arm_of(position_of(q))[1:] == near
 
 
-LINKS = {"l_links": [0.2, 0.2, 0.15], "m_links": [0.5, 0.4, 0.3], "I_links": [0.4, 0.3, 0.2]}
-BOTH = {name: [numbers, numbers[:2]] for name, numbers in LINKS.items()}
-PITCH = {"pitch": [[0.6, -1.7, 1.6], [2.5, 1.7]]}
-ONE = {name: [0.3] for name in LINKS}
-
-
-@pytest.mark.parametrize(
-    ("changes", "complaint"),
-    [
-        ({"arm": ONE}, "arm.l_links: must be 2 links of robot I or more, a lift counting as one, for the rows of"),
-        ({"arm": LINKS}, "initial.pitch: must be given, one number per link, where an arm has more than two"),
-        (
-            {"arm": LINKS, "initial": {"pitch": [1.0, 2.0]}},
-            "initial.pitch: must be 3 numbers of robot I, one per pitch",
-        ),
-        (
-            {"arm": {"l_links": [0.3, 0.3]}},
-            "arm.m_links: must be given, where another list of the links is, was missing",
-        ),
-        ({"arm": LINKS | {"m_links": [1.0]}}, "arm.m_links: must be 3 numbers, one per pitch link of robot I, was 1"),
-        ({"arm": {name: [0.3] * 7 for name in LINKS}}, "arm.l_links: must be at most 6 numbers of robot I, was 7"),
-        ({"arm": {"l_links": [[0.3], 0.2]}}, "arm.l_links: must be one list for both robots, or a list of two"),
-        ({"arm": LINKS | {"l_links": [0.3, 0.3, 0.0]}}, "arm.l_links[2]: must be greater than 0, was 0"),
-        ({"nominal": {"m_links": [1.0]}}, "nominal.m_links: must be left out without links or a lift in [arm]"),
-        ({"initial": {"lift": 0.1}}, "initial.lift: must be left out of arms without a lift, was 0.1"),
-        ({"arm": LINKS, "initial": PITCH}, "initial.pitch: must be 3 numbers of robot II, one per pitch link, was 2"),
-    ],
-)
-def test_what_does_not_fit_is_one_line(changes, complaint):
-    with pytest.raises(UserError) as caught:
-        load_scenario("paper", **changes)
-    assert str(caught.value).startswith(complaint)
-    assert "\n" not in str(caught.value)
-
-
-def test_lists_of_links_load_are_saved_and_set_the_joints():
-    scenario = load_scenario("paper", arm=BOTH, initial=PITCH)
-    assert scenario.structure().joints == (6, 5)
-    assert scenario.with_overrides(tomllib.loads(scenario.to_toml())) == scenario
-    loaded = scenario.parameters()
-    assert loaded.plant.geometry[1].arm == Arm((0.2, 0.2))
-    assert loaded.plant.inertia[0].links == LinkInertia((0.5, 0.4, 0.3), (0.4, 0.3, 0.2))
-    assert loaded.start[0].joints == (0.6, -1.7, 1.6)
-    assert len(loaded.gains.K_sigma) == 11 - 4
-    lifted = load_scenario("paper", arm={"lift": [True, False]}, initial={"lift": 0.1}, nominal={"m2": 0.3})
-    assert lifted.parameters().plant.geometry[0].arm == LiftedArm((0.25, 0.25))
-    assert lifted.parameters().plant.geometry[1].arm is None
-    assert lifted.parameters().start[0].joints == (0.1, -0.9273, 1.8546)
-    assert lifted.parameters().nominal[0].links == LinkInertia((0.3, 0.5), (0.5, 0.5))
-
-
-def test_each_number_of_a_list_varies_and_the_controller_keeps_its_own():
-    spread = {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}
-    entries = {"arm.m_links.1.3": spread, "arm.l_links.2": spread, "arm.I_links": spread | {"each": True}}
-    variation = vary(load_scenario("paper", arm=BOTH, initial=PITCH, uncertainty=entries))
-    names = ["arm.m_links.1.3", "arm.l_links.2.1", "arm.l_links.2.2"]
-    names += [f"arm.I_links.{robot}.{link}" for robot, links in ((1, 3), (2, 2)) for link in range(1, links + 1)]
-    assert [number.name for number in variation.numbers] == names
-    assert len(variation.draws) == 2 + 5
-    drawn = variation.batch(np.full((1, 7), 0.75), [0])
-    assert drawn.plant.inertia[0].links.m_links[2] == pytest.approx([0.33])
-    assert drawn.plant.geometry[1].arm.l_links[0] == pytest.approx([0.22])
-    assert drawn.nominal[0].links.m_links[2] == pytest.approx([0.3])
-    alone = variation.sample(0, {number.name: 1.1 * number.base for number in variation.numbers}).parameters()
-    assert alone.plant.inertia[1].links.I_links == pytest.approx((0.44, 0.33))
-    assert alone.nominal[1].links == LinkInertia((0.5, 0.4), (0.4, 0.3))
-    masses = vary(load_scenario("sensed", arm=LINKS, initial={"pitch": [0.6, -1.7, 1.6]})).numbers
-    assert {number.place for number in masses} >= {"arm.m_links", "arm.I_links", "plant.m_p"}
-    assert "plant.m2" not in {number.place for number in masses}
-    with pytest.raises(UserError, match="one of two robots with a list for each"):
-        load_scenario("paper", arm=BOTH, initial=PITCH, uncertainty={"arm.m_links.1.9": spread})
-
-
-ODD = (0, 1, -1.5, 0.5, 1e300, float("nan"), "none", True, [], [0.5], [0.5, 0.7], [[0.5, 0.5], [0.3]], [0.3] * 3, {})
-
-
-def odd_arms(count, seed=0):
-    """Complaints about odd sections of arms and platforms, as many as ``count``."""
-    draw, refused = random.Random(seed), []
-    fields = ("lift", "l_links", "m_links", "I_links", "colour")
-    for _ in range(count):
-        links = draw.randrange(1, 4)
-        table = {name: [draw.choice((0.2, 0.3))] * links for name in fields[1:4]} if draw.random() < 0.7 else {}
-        table |= {draw.choice(fields): draw.choice(ODD) for _ in range(draw.randrange(3))}
-        start = {draw.choice(("pitch", "lift", "a2")): draw.choice(ODD) for _ in range(draw.randrange(3))}
-        platform = {"kind": draw.choice(("differential", "car", "trailer", ["car", "differential"]))}
-        other = {"m_links": draw.choice(ODD)} if draw.random() < 0.2 else {}
-        rows = {"rows": ["contact_normal"]} if draw.random() < 0.3 else {}
-        try:
-            scenario = load_scenario(
-                "paper_full", arm=table, initial=start, platform=platform, nominal=other, coupling=rows
-            )
-            check_reference(scenario)
-            scenario.to_toml()
-        except UserError as error:
-            refused.append(str(error))
-    return refused
-
-
-def test_odd_sections_are_refused_in_one_line_or_pass():
-    refused = odd_arms(150)
-    assert 40 < len(refused) < 145
-    assert not any("\n" in line for line in refused)
-
-
 def test_start_that_no_arm_reaches_names_robot_and_distance():
     """Along the arm's own direction the tip has to come 2.3 m, and an arm of 1 m misses by 1.3 m."""
     far = load_scenario("paper", initial={"x": [2.5, 4.0], "a1": [0.5253, math.pi / 2]})
     found = missed(far.structure(), far.parameters())
     assert found["II"] == pytest.approx(4.0 - 1.7 - 1.0, abs=1e-4)
     assert missed(Structure(), load_scenario("paper").parameters()) == {}
-
-
-def test_the_pages_example_is_a_scenario(tmp_path):
-    page = (Path(__file__).parent.parent / "docs" / "arms.md").read_text(encoding="utf-8")
-    example = re.match(r"# .*\n\n((?: {4}.*\n|\n)*)", page)[1]
-    (tmp_path / "arm.toml").write_text('base = "sensed"\n' + textwrap.dedent(example))
-    assert load_scenario(tmp_path / "arm.toml").structure().joints == (6, 5)

@@ -85,6 +85,6 @@ def test_signals_are_those_of_the_run(simulated_paper):
     force, desired = run.constraint_force[:, contact], run.constraint_force_desired[:, contact]
     assert found.status is run.status
     np.testing.assert_allclose(found.t, run.t, rtol=1e-12)
-    np.testing.assert_allclose(found.values["contact_force"], force, rtol=1e-9)
-    np.testing.assert_allclose(found.values["force_error"], force - desired, rtol=1e-7, atol=1e-9)
-    np.testing.assert_allclose(found.values["torque_2[joint_1]"], run.torque[:, 1, 2], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.values["contact_force"], force, rtol=1e-12)
+    np.testing.assert_allclose(found.values["force_error"], force - desired, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.values["torque_2[joint_1]"], run.torque[:, 1, 2], rtol=0, atol=1e-12)
