@@ -59,7 +59,7 @@ def start() -> Figures:
         parameters, structure = as_scalars(Parameters(), float), Structure()
         model = build_model(parameters)
         printed = kinematics(model, structure.rows, tuple(map(robot_kinematics.chained, PAPER_START)), (0.0,) * 6)
-        state, residual, _ = initial_state(structure, model, parameters)
+        state, residual, *_ = initial_state(structure, model, parameters)
         _, signals = closed_loop(structure, model, parameters.gains.k0 * 0.0, state)
     return {
         "phi at the printed angles [m]": printed.reduction.rows.phi,

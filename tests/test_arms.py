@@ -281,3 +281,15 @@ def test_start_that_no_arm_reaches_names_robot_and_distance():
     found = missed(far.structure(), far.parameters())
     assert found["II"] == pytest.approx(4.0 - 1.7 - 1.0, abs=1e-4)
     assert missed(Structure(), load_scenario("paper").parameters()) == {}
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [({}, math.hypot(0.2, 0.7)), ({"coupling.surface.kind": "arc", "reference.path.kind": "circle"}, 0.2 + 0.7)],
+    ids=["to an end of the arc", "along arm II to a level surface"],
+)
+def test_far_half_of_the_circle_is_not_the_surface(changes, expected):
+    """Arm I, stretched, ends 0.2 m short of the centre of the arc, whose far half it could reach."""
+    start = {"initial": {"x": [3.6, 1.2], "a1": [math.pi / 2, math.pi / 2]}}
+    scenario = load_scenario("paper", **start).with_overrides(changes)
+    assert missed(scenario.structure(), scenario.parameters())["I"] == pytest.approx(expected, abs=1e-4)

@@ -134,13 +134,18 @@ def test_failed_runs_end_before_the_failure(simulated_paper, overrides, status, 
     assert f"{status} at {run.status_time:g} s" in repr(run)
 
 
-def test_arms_that_cannot_reach(simulated_paper):
-    scenario = changed(simulated_paper, initial={"x": [9.0, 1.2]})
-    with pytest.raises(
-        cm.UserError,
-        match=r"^initial: must be poses .* was arm I 5\.46 m out of reach, \(x 9, y 0, .* and \(x 1\.2, y 0, .*\)$",
-    ):
-        cm.simulate(scenario)
+@pytest.mark.parametrize(
+    ("initial", "lacking"),
+    [
+        ({"x": [9.0, 1.2]}, "arm I 6\\.1 m out of reach, "),
+        # Onto the far half of the arc's circle, which is not the object's surface.
+        ({"a2": [-2.0, 2.62], "a3": [3.6, 1.05]}, "first guesses of the joints that lead elsewhere, "),
+    ],
+)
+def test_arms_that_cannot_reach(simulated_paper, initial, lacking):
+    message = rf"^initial: must be poses .* was {lacking}\(x [29].*, y 0, .* and \(x 1\.2, y 0, .*\)$"
+    with pytest.raises(cm.UserError, match=message):
+        cm.simulate(changed(simulated_paper, initial=initial))
 
 
 @pytest.fixture(scope="module")

@@ -139,7 +139,8 @@ def rollout(
     parameters, step = as_scalars(parameters, dtype), jnp.asarray(step, dtype)
     model = build_model(parameters)
     start = initial_state(structure, model, parameters)
-    reachable = start.residual < max(_START_TOLERANCE, 30.0 * float(jnp.finfo(dtype).eps))
+    closed = start.residual < max(_START_TOLERANCE, 30.0 * float(jnp.finfo(dtype).eps))
+    reachable = closed & (start.facing > 0.0)
     code = jnp.where(reachable, Status.OK.value, Status.UNREACHABLE.value)
     health = Health(jnp.where(steps > plan.room, Status.TOO_LONG.value, code).astype(jnp.int32), jnp.int32(0))
 

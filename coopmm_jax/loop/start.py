@@ -35,6 +35,7 @@ class Start(NamedTuple):
     state: State
     residual: Scalar  # the largest |phi| that remains [m]
     determinants: tuple[Scalar, ...]  # of J_dep's blocks
+    facing: Scalar  # positive where tip I is on the object's surface, not on its circle's far half
 
 
 def initial_state(structure: Structure, model: Model, parameters: Parameters) -> Start:
@@ -65,7 +66,7 @@ def initial_state(structure: Structure, model: Model, parameters: Parameters) ->
     controller = jax.tree.map(lambda x: jnp.asarray(x, jnp.result_type(zero)), started)
     velocity = (zero,) * sum(map(len, partition(structure.plant_rows, structure.joints).independent))
     state = State(position, velocity, controller, initial_devices(structure, zero), carriage)
-    return Start(state, residual, k.reduction.determinants)
+    return Start(state, residual, k.reduction.determinants, k.bodies.contact.facing)
 
 
 def _pressed_in(structure: Structure, model: Model, zero: Scalar) -> Vector:

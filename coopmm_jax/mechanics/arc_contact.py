@@ -28,6 +28,11 @@ class ArcContact(NamedTuple):
         """Tip I from the arc's centre, along arm II's axes (2,) [m]."""
         return self.D2
 
+    @property
+    def facing(self) -> Scalar:
+        """Tip I along arm II from the centre [m]: positive on the half circle through the object, the surface."""
+        return self.D2[0]
+
     def normal_row(self, tip: Pair, motion: SurfaceMotion | None) -> NormalRow:
         """phi = (Rc^2 - |D|^2)/(2 Rc) and its gradients; ``tip`` holds both tips' rows (5,) along e, n and up."""
         Rc = self.radius

@@ -35,6 +35,11 @@ class LevelContact(NamedTuple):
     gradient1: Vector  # (2,) along arm I
     size: Scalar  # of the gradient; 1 where F is a distance
 
+    @property
+    def facing(self) -> Scalar:
+        """-dF/de [-]: positive on the surface through the object, negative on the far side of a closed level."""
+        return -self.gradient[0]
+
     def normal_row(self, tip: Pair, motion: SurfaceMotion | None) -> NormalRow:
         """phi = F/|grad F| and its gradients; ``tip`` holds both tips' rows (5,) along e, n and up."""
         level = self.level if motion is None else self.level + motion.shift

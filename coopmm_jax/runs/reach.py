@@ -20,6 +20,7 @@ from coopmm_jax.mechanics.arc_contact import ArcContact
 from coopmm_jax.mechanics.constraints import bodies, constraint_rows
 from coopmm_jax.mechanics.coordinates import AnyPosition, arm_of, platform_of
 from coopmm_jax.mechanics.guide import guide_at, needs_carriage
+from coopmm_jax.mechanics.level_contact import LevelContact
 from coopmm_jax.mechanics.model import Model, build_model
 from coopmm_jax.mechanics.partitioning import partition
 from coopmm_jax.mechanics.robot import PLATFORM, YAW
@@ -75,7 +76,7 @@ def _nearest(
 
     if not own:
         return 0.0, position
-    best = _least(jax.jit(distance), np.array(ranges))
+    best = _least(jax.jit(jax.vmap(distance)), np.array(ranges))
     return float(distance(*best)), moved(tuple(best[: len(own)]))
 
 
@@ -87,14 +88,26 @@ def _missing(structure: Structure, model: Model, position: Pair[AnyPosition], ca
     b = bodies(surface, model.geometry, position, guide.track)
     rows = constraint_rows(surface, structure.rows, b)
     phi = dict(zip(structure.rows, rows.phi, strict=True))
-    if isinstance(b.contact, ArcContact):  # its row is a distance close to the arc alone, as that of the circle is
-        phi["contact_normal"] = b.contact.radius - norm(b.contact.D1)
+    phi["contact_normal"] = _from_surface(b.contact, phi["contact_normal"])
     if b.guide is None and "guide_radial" in phi:
         phi["guide_radial"] = norm(b.contact.tip2) - surface.guide_radius
     if robot == 0:
         return tuple(phi.values())[: rows.contacts]
     along = (dot(b.guide.tangent, b.guide.off),) if carriage and b.guide is not None else ()
     return (*tuple(phi.values())[rows.contacts :], *along)
+
+
+def _from_surface(contact: ArcContact | LevelContact, phi: Scalar) -> Scalar:
+    """Distance of tip I from the object's surface [m], along arm II where it is on the far half of a closed level.
+
+    The row vanishes there too.
+    """
+    if isinstance(contact, ArcContact):  # its row is a distance close to the arc alone, as that of the circle is
+        e, n = contact.D2
+        return jnp.where(contact.facing > 0.0, norm(contact.D2) - contact.radius, jnp.hypot(e, abs(n) - contact.radius))
+    e, n = contact.point
+    behind = jnp.abs(e - contact.shape.along(n))
+    return jnp.where((contact.facing > 0.0) | ~jnp.isfinite(behind), phi, behind)
 
 
 def _least(function: Callable[..., Scalar], ranges: np.ndarray) -> np.ndarray:

@@ -78,6 +78,7 @@ def simulate(scenario: Scenario | str | Path, precision: str | None = None) -> T
         must = "poses from which both arms reach what [coupling] asks of them; the reference begins at"
         short = missed(structure, parameters)
         lacking = "".join(f"arm {robot} {distance:.3g} m out of reach, " for robot, distance in short.items())
+        lacking = lacking or "first guesses of the joints that lead elsewhere, "
         raise UserError("initial", f"{must} {told(beginning(parameters), AIMED_AT)}", lacking + told(parameters.start))
     failed = status is not Status.OK
     if failed:
