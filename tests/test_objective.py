@@ -14,9 +14,9 @@ def results():
 
 
 def test_every_tunable_gain_is_there_and_matters(results):
-    assert results["names"] == list(Gains._fields)
+    assert results["names"] == [name for name in Gains._fields if name != "k4"]
     moving = np.any(np.array(results["gradient"]) != 0.0, axis=0)
-    assert [name for name, moves in zip(results["names"], moving, strict=True) if not moves] == ["k4"]  # two axles only
+    assert moving.all()
 
 
 def test_every_term_is_there(results):

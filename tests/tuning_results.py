@@ -18,7 +18,7 @@ SCENARIO = {
     "simulation": {"duration": HORIZON},
     "uncertainty": {"disturbance.scale": {"distribution": "uniform", "low": 1.0, "high": 4.0}},
     "tuning": {
-        "gains": list(Gains._fields),
+        "gains": [name for name in Gains._fields if name != "k4"],  # of two axles only
         "channels": "shared",
         "tracking_from": 0.03,
         "validation_samples": 4,

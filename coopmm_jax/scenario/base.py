@@ -32,6 +32,7 @@ from coopmm_jax.parameters import (
     Surface,
 )
 from coopmm_jax.scenario.overrides import laid_over
+from coopmm_jax.scenario.replaced import affected, check_read
 from coopmm_jax.scenario.sections.arm import ArmSection, check_joints, check_lists, starting_joints
 from coopmm_jax.scenario.sections.controller import (
     DEFAULT,
@@ -95,7 +96,7 @@ class BaseScenario(HardwareSections):
         Raises:
             UserError: an unknown field, or a value it cannot have.
         """
-        changed = {str(name).partition(".")[0] for name in changes}
+        changed = affected({str(name).partition(".")[0] for name in changes})
         if "law" in changed:  # another controller has other sections
             changed = set(type(self).model_fields)
         tables = laid_over(self.model_dump(include=changed, exclude_none=True), changes)
@@ -187,20 +188,11 @@ class BaseScenario(HardwareSections):
         return {name: {} for name in _FOR_THE_CONTROLLER} | dict(data)
 
     @model_validator(mode="after")
-    def _whole_control_periods(self) -> Self:
-        self.loop.substeps(self.simulation)
-        return self
-
-    @model_validator(mode="after")
-    def _other_surfaces_need_a_place_of_the_contact(self) -> Self:
-        if self.coupling.surface is not None and self.reference.path is None:
-            raise UserError("coupling.surface", "left out without [reference.path]", self.coupling.surface.kind)
-        return self
-
-    @model_validator(mode="after")
-    def _what_moves_has_a_path(self) -> Self:
-        if self.coupling.guide is not None and self.reference.path is None:
-            raise UserError("coupling.guide", "left out without [reference.path]", self.coupling.guide)
+    def _what_needs_a_path_has_one(self) -> Self:
+        surface, guide = self.coupling.surface, self.coupling.guide
+        for name, given in (("surface", surface and surface.kind), ("guide", guide)):
+            if given is not None and self.reference.path is None:
+                raise UserError(f"coupling.{name}", "left out without [reference.path]", given)
         return self
 
     @model_validator(mode="after")
@@ -229,7 +221,13 @@ class BaseScenario(HardwareSections):
         return self
 
     @model_validator(mode="after")
-    def _numbers_of_gains(self) -> Self:
+    def _what_is_given_is_read(self) -> Self:
+        check_read(self)
+        return self
+
+    @model_validator(mode="after")
+    def _whole_periods_and_lists(self) -> Self:
+        self.loop.substeps(self.simulation)
         full_gains(dict(self), len(self.coupling.rows))
         self.schedule.schedule(len(self.coupling.rows), sum(self.arm.joints))
         return self

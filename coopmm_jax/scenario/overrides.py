@@ -17,6 +17,7 @@ from typing import Any
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
 from coopmm_jax.kinds.controllers import DEFAULT
+from coopmm_jax.scenario.replaced import without_replaced
 from coopmm_jax.scenario.validation import closest
 
 DISTRIBUTION = "distribution"  # the key of a table that says how a number varies
@@ -62,7 +63,9 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
 
 
 def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables of a scenario with changes laid over them, as ``merged``; another controller brings gains of its own.
+    """Tables of a scenario with changes laid over them, as ``merged``.
+
+    Another controller brings gains of its own, and what replaces fields of the base drops them.
 
     Raises:
         UserError: as ``merged``.
@@ -77,7 +80,9 @@ def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
         base = {name: table for name, table in base.items() if name not in ("gains", "schedule")}
         if isinstance(base.get("tuning"), Mapping):
             base["tuning"] = {name: value for name, value in base["tuning"].items() if name not in ("gains", "bounds")}
-    return _laid(base, nested)
+    result = _laid(base, nested)
+    kept = without_replaced(base, result)
+    return result if kept is base else _laid(kept, nested)
 
 
 def _check_dropped(base: Mapping[str, Any], changes: Mapping[str, Any]) -> None:

@@ -26,7 +26,7 @@ _MISMATCH = 4.0  # between the controller's model and the plant
 
 # The mass [kg] and the length [m] that a moment of inertia goes with.
 _GOES_WITH: dict[str, Callable[[Geometry, Inertia], tuple[Scalar, Scalar]]] = {
-    "I_w": lambda g, i: (i.m_p + i.m1 + i.m2 + i.m3, g.r),
+    "I_w": lambda g, i: (i.m_p + i.m1 + sum((i.m2, i.m3) if i.links is None else i.links.m_links), g.r),
     "I_p": lambda g, i: (i.m_p, math.hypot(g.l, g.d)),
     "I1": lambda g, i: (i.m1, g.l1),
     "I2": lambda g, i: (i.m2, g.l2),

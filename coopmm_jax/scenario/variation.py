@@ -29,6 +29,7 @@ from coopmm_jax.scenario import places
 from coopmm_jax.scenario.base import BaseScenario
 from coopmm_jax.scenario.kind_sections import KindSection, is_pair, is_vector
 from coopmm_jax.scenario.overrides import is_number
+from coopmm_jax.scenario.replaced import unread
 from coopmm_jax.scenario.sections.uncertainty import Distribution, Entry
 from coopmm_jax.scenario.validation import closest, validate
 
@@ -113,7 +114,9 @@ class Variation(Generic[Varied]):
         Its masses and inertias of the controller's model are spelt out, so that they stay what they were.
         """
         nominal = self._nominal(values)
-        spelt_out: dict[str, Any] = {name: [getattr(robot, name) for robot in nominal] for name in MASS_NAMES}
+        idle = unread(self.scenario)
+        read = [name for name in MASS_NAMES if f"nominal.{name}" not in idle]
+        spelt_out: dict[str, Any] = {name: [getattr(robot, name) for robot in nominal] for name in read}
         spelt_out |= _front_masses(nominal) | _link_masses(nominal)
         spelt_out["m_obj"] = nominal[1].m_obj
         changes = self._tables(values) | {f"nominal.{name}": value for name, value in spelt_out.items()}
@@ -185,7 +188,11 @@ def vary(scenario: Varied) -> Variation[Varied]:
         UserError: a field that does not exist or cannot vary, a number that varies twice, or a distribution that
             reaches values which the field cannot have.
     """
-    numbers = tuple(number for entry in scenario.uncertainty.entries() for number in _numbers(scenario, entry))
+    idle, entries = unread(scenario), scenario.uncertainty.entries()
+    for entry in entries:
+        if entry.place in idle:
+            raise UserError(f"uncertainty.{entry.name}", idle[entry.place], "given")
+    numbers = tuple(number for entry in entries for number in _numbers(scenario, entry))
     seen: set[str] = set()
     for number in numbers:
         both = {number.name, number.place} | (
