@@ -209,7 +209,7 @@ def test_command_prints_numbers_and_writes_the_scenario(failing, tmp_path, capsy
     assert written.plant.m_p == (4.8, 4.8) or written.plant.m_p == pytest.approx(4.8)
     assert written.uncertainty.entries() == ()
     assert written.parameters().schedule == PhaseSchedule((0.0, 2.0), {"k2": (5.0, 8.0)})
-    assert written.description.startswith("Worst sample found of: As on real robots")
+    assert written.description.startswith("Worst sample found of: Based on sensed (")
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,12 @@ import pytest
 
 from coopmm_jax import errors
 from coopmm_jax.cli import main
+from coopmm_jax.commands.fields import takes_names
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario import overrides
 from coopmm_jax.scenario.overrides import merged
 from coopmm_jax.scenario.scenario import Scenario, load_scenario, shipped
+from coopmm_jax.scenario.sections.platform import PlatformSection
 from coopmm_jax.sweeps.run import sweep
 from tuning.search.method import method
 
@@ -78,6 +80,14 @@ def test_numbers_as_everyone_writes_them(text, value):
 )
 def test_what_follows_a_value_is_one_only_where_it_can_be(arguments, others, changes):
     assert overrides.split(arguments.split(), lambda key: key == "tuning.gains") == (others, changes)
+
+
+def test_a_choice_for_each_robot_is_two_names():
+    arguments = ["help", "--platform.kind", "trailer", "car", "--scenario", "trailer"]
+    others, changes = overrides.split(arguments, takes_names)
+    assert (others, changes) == (["help", "--scenario", "trailer"], {"platform.kind": ["trailer", "car"]})
+    # Another kind than the base's drops what the base has beside it.
+    assert load_scenario("trailer", **changes).platform == PlatformSection(kind=("trailer", "car"))
 
 
 def test_what_a_scenario_was_made_with_is_asked_for_where_that_may_be_missing(tmp_path, capsys):

@@ -115,6 +115,9 @@ def test_base_is_inherited_by_name_and_by_relative_path(tmp_path):
     (tmp_path / "nested").mkdir()
     (tmp_path / "nested" / "softer.toml").write_text('base = "../soft.toml"\n[gains]\nK_u = 0.5\n[nominal]\nm1 = 2\n')
     softer = load_scenario(tmp_path / "nested" / "softer.toml", gains={"K_a": 1.0})
+    assert softer.description == "Based on soft"
+    assert load_scenario("paper", plant={"m_p": 6.0}).description == "Based on paper"
+    assert load_scenario("paper", gains={"K_a": 1.0}).description.startswith("The paper's")
     assert (softer.gains.k1, softer.gains.K_u, softer.gains.K_a, softer.gains.k0) == (90.0, 0.5, 1.0, 5.0)
     assert (softer.nominal.scale, softer.nominal.m1) == (0.8, 2.0)
 

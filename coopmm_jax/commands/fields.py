@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario import catalogue, places
@@ -71,13 +71,21 @@ def option(place: str) -> str:
 def takes_names(key: str) -> bool:
     """True if the field of a dotted key takes a list of names.
 
-    >>> takes_names("tuning.gains"), takes_names("law.u26")
-    (True, False)
+    >>> takes_names("tuning.gains"), takes_names("platform.kind"), takes_names("law.u26")
+    (True, True, False)
     """
     section, _, field = key.partition(".")
     known = Scenario.model_fields.get(section)
     fields = getattr(known.annotation if known else None, "model_fields", {})
-    return field in fields and fields[field].annotation == tuple[str, ...]
+    return field in fields and _lists_names(fields[field].annotation)
+
+
+def _lists_names(kind: Any) -> bool:
+    """True for the type of a list of names, or of a choice for each robot, also where it can be something else."""
+    if get_origin(kind) is tuple:
+        of_entry = get_args(kind)[0]
+        return of_entry is str or get_origin(of_entry) is Literal
+    return any(map(_lists_names, get_args(kind)))
 
 
 def shown(value: Any, place: str) -> str:

@@ -11,7 +11,7 @@ from coopmm_jax.commands.options import add_overwrite, check_out
 from coopmm_jax.errors import UserError, one_line
 from coopmm_jax.files import resolve_path, result_folder, write_text
 from coopmm_jax.scenario.commented import commented
-from coopmm_jax.scenario.scenario import load_scenario
+from coopmm_jax.scenario.scenario import based_on, load_scenario
 
 if TYPE_CHECKING:
     from coopmm_jax.commands import Subparsers
@@ -42,7 +42,8 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     if path.suffix != ".toml":
         raise UserError("FILE", "a .toml file", options.out)
     check_out(options, path, option="FILE", file=True)
-    scenario = load_scenario(options.scenario, **_found_from_anywhere(changes))
+    own = {"description": based_on(options.scenario)}  # what is edited is no longer what the other one says
+    scenario = load_scenario(options.scenario, **own | _found_from_anywhere(changes))
     head = f"# Scenario for coopmm, begun from {one_line(options.scenario)}; coopmm help SECTION tells more.\n\n"
     with result_folder(path.parent, "FILE") as folder:
         write_text(folder / path.name, head + commented(scenario))

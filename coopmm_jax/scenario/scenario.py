@@ -23,6 +23,8 @@ from coopmm_jax.scenario.base import BaseScenario
 from coopmm_jax.scenario.overrides import laid_over, merged, read_toml
 from coopmm_jax.scenario.validation import closest, validate
 
+_ROBOTS = {"plant", "platform", "arm"}
+
 
 class Scenario(BaseScenario):
     """A complete, valid scenario, in which everything uncertain can vary as it says; immutable and hashable."""
@@ -39,6 +41,9 @@ class Scenario(BaseScenario):
 def load_scenario(name_or_path: str | Path, **overrides: Any) -> Scenario:
     """Shipped scenario by name, or scenario file by path, with some fields changed.
 
+    A description is of the robots that it was written for: a file that gives none, and a change of the robots, is one
+    "Based on" what it begins from.
+
     Args:
         name_or_path: a name from ``list_scenarios()``, or the path of a TOML file.
         overrides: sections, as tables of the fields to change: ``gains={"K_lambda": 2.0}``.
@@ -51,13 +56,24 @@ def load_scenario(name_or_path: str | Path, **overrides: Any) -> Scenario:
     """
     load_installed()
     path = _find(str(name_or_path), Path(), "scenario")
-    tables = _read(path)
+    tables, changed = _read(path), {str(name).partition(".")[0] for name in overrides}
+    if changed & _ROBOTS:
+        overrides = {"description": based_on(path)} | overrides
     try:
         return validate(Scenario, laid_over(tables, overrides))
     except UserError:
         # What a missing plugin would explain is told first.
         check_plugins(recorded_plugins(path.read_text(encoding="utf-8-sig")), "scenario", path)
         raise
+
+
+def based_on(name_or_path: str | Path) -> str:
+    """Description of a scenario that begins from another one and has none of its own.
+
+    >>> based_on("robots/mine.toml")
+    'Based on mine'
+    """
+    return f"Based on {Path(name_or_path).stem}"
 
 
 def list_scenarios() -> dict[str, str]:
@@ -101,7 +117,8 @@ def _read(path: Path) -> dict[str, Any]:
         base, field = tables.pop("base", None), "base"
         if not isinstance(base, str | None):
             raise UserError("base", "the name or path of a scenario", base)
-        laid.append(_found_from(path.parent, merged({}, tables)))
+        own = tables if base is None else {"description": based_on(base)} | tables
+        laid.append(_found_from(path.parent, merged({}, own)))
         if base is None:
             return functools.reduce(laid_over, reversed(laid), {})
         path = _find(base, path.parent, "base")

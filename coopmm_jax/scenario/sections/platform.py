@@ -26,7 +26,11 @@ _FRONTS: dict[str, tuple[Front, FrontInertia]] = {
 class PlatformSection(Section):
     """[platform]: what carries each arm, and the front axle of a trailer's tractor or of a car."""
 
-    kind: Pair[Kind] = quantity("differential", "differential: two driven wheels; trailer: a tractor pulls it; or car")
+    kind: Pair[Kind] = quantity(
+        "differential",
+        "differential: two driven wheels; trailer: a tractor pulls it; or car; another kind than the base scenario's"
+        " drops whatever else its [platform] has",
+    )
     wheelbase: Pair[Positive] | None = quantity(None, "front axle ahead of the axle with the arm; 0.5 [m]")
     d_f: Pair[Finite] | None = quantity(None, "centre of tractor or steered axle ahead of it; 0.5, of a car 0 [m]")
     l_f: Pair[NotNegative] | None = quantity(None, "half track of the front wheels; 0.5, of a car 0 [m]")
