@@ -28,19 +28,22 @@ ONE = {name: [0.3] for name in LINKS}
         ({"arm": LINKS}, "initial.pitch: must be given, one number per link, where an arm has more than two"),
         (
             {"arm": LINKS, "initial": {"pitch": [1.0, 2.0]}},
-            "initial.pitch: must be 3 numbers of robot I, one per pitch",
+            "initial.pitch: must be a list of 3, one per pitch link of robot I, was a list of 2",
         ),
         (
             {"arm": {"l_links": [0.3, 0.3]}},
             "arm.m_links: must be given, where another list of the links is, was missing",
         ),
-        ({"arm": LINKS | {"m_links": [1.0]}}, "arm.m_links: must be 3 numbers, one per pitch link of robot I, was 1"),
-        ({"arm": {name: [0.3] * 7 for name in LINKS}}, "arm.l_links: must be at most 6 numbers of robot I, was 7"),
-        ({"arm": {"l_links": [[0.3], 0.2]}}, "arm.l_links: must be one list for both robots, or a list of two"),
-        ({"arm": LINKS | {"l_links": [0.3, 0.3, 0.0]}}, "arm.l_links[2]: must be greater than 0, was 0"),
+        (
+            {"arm": LINKS | {"m_links": [1.0]}},
+            "arm.m_links: must be a list of 3, one per pitch link of robot I, was a list of 1",
+        ),
+        ({"arm": {name: [0.3] * 7 for name in LINKS}}, "arm.l_links: must be a list of at most 6, one per pitch link"),
+        ({"arm": {"l_links": [[0.3], 0.2]}}, "arm.l_links: must be a list of numbers for both robots, or one for each"),
+        ({"arm": LINKS | {"l_links": [0.3, 0.3, 0.0]}}, "arm.l_links.3: must be greater than 0, was 0"),
         ({"nominal": {"m_links": [1.0]}}, "nominal.m_links: must be left out without links or a lift in [arm]"),
         ({"initial": {"lift": 0.1}}, "initial.lift: must be left out of arms without a lift, was 0.1"),
-        ({"arm": LINKS, "initial": PITCH}, "initial.pitch: must be 3 numbers of robot II, one per pitch link, was 2"),
+        ({"arm": LINKS, "initial": PITCH}, "initial.pitch: must be a list of 3, one per pitch link of robot II, was"),
     ],
 )
 def test_what_does_not_fit_is_one_line(changes, complaint):
@@ -84,8 +87,17 @@ def test_each_number_of_a_list_varies_and_the_controller_keeps_its_own():
     masses = vary(load_scenario("sensed", arm=LINKS, initial={"pitch": [0.6, -1.7, 1.6]})).numbers
     assert {number.place for number in masses} >= {"arm.m_links", "arm.I_links", "plant.m_p"}
     assert "plant.m2" not in {number.place for number in masses}
-    with pytest.raises(UserError, match="one of two robots with a list for each"):
-        load_scenario("paper", arm=BOTH, initial=PITCH, uncertainty={"arm.m_links.1.9": spread})
+    for name, must in (
+        ("arm.m_links.1.9", r"arm\.m_links\.1\.1 to \.1\.3 or arm\.m_links\.2\.1 to \.2\.2"),
+        ("arm.m_links.x", r"arm\.m_links, or one of its numbers as arm\.m_links\.1"),
+    ):
+        with pytest.raises(UserError, match=rf"uncertainty\..*: must be {must}, was"):
+            load_scenario("paper", arm=BOTH, initial=PITCH, uncertainty={name: spread})
+
+
+def test_links_that_stay_where_they_start_are_told_by_their_own_name():
+    with pytest.raises(UserError, match=r"^initial\.pitch: must be such that the last two links of arm II bridge"):
+        check_reference(load_scenario("long_arm", initial={"pitch": [[0.6, -1.7, 1.6], [0.2, 1.7, -1.6]]}))
 
 
 ODD = (0, 1, -1.5, 0.5, 1e300, float("nan"), "none", True, [], [0.5], [0.5, 0.7], [[0.5, 0.5], [0.3]], [0.3] * 3, {})

@@ -138,7 +138,7 @@ TABLE = {"kind": "table", "times": [0.0, 1.0]}
         ([SINE | {"name": "scale"}], "name: must be unlike the name of a field, was scale"),
         ([SINE | {"name": "1"}], "name: must be letters, digits and _, not a digit first, was 1"),
         ({"kind": "noise", "low": 3.0}, "high: must be greater than low (3), was 2.0"),
-        (TABLE | {"values": [1.0]}, "values: must be as many as times (2), was 1"),
+        (TABLE | {"values": [1.0]}, "values: must be a list of 2, one for each of times, was a list of 1"),
         (TABLE | {"times": [0, 0], "values": [1, 1]}, "times: must be rising from one to the next"),
         (TABLE, "values: must be given, was missing"),
         ({"gust": {"scale": 1.0}}, "gust: must be a field of [disturbance], or the name or number of an entry"),

@@ -88,9 +88,9 @@ def test_simulated_ellipse():
         ({"reference.path.kind": "elipse"}, r"reference.path.kind: must be one of .* \(did you mean ellipse\?\)"),
         ({"reference.path.half_width": 0.0}, "reference.path.half_width: must be greater than 0, was 0"),
         ({"reference.path": "none"}, "reference.timing: must be left out without"),
-        ({"reference.path": {"kind": "fourier", "xc": [1.0, 0.1]}}, "xc, xs, yc, ys: must be as many"),
-        ({"reference.force": {"kind": "steps", "times": [1.0], "levels": [1.0]}}, "levels: must be 2 of them"),
-        ({"reference.path": {"kind": "waypoints", "x": [0, 1, 1], "y": [0, 0, 1]}}, "x: must be 4 points at least"),
+        ({"reference.path": {"kind": "fourier", "xc": [1.0, 0.1]}}, "xc, xs, yc, ys: must be lists of one length"),
+        ({"reference.force": {"kind": "steps", "times": [1.0], "levels": [1.0]}}, "levels: must be a list of 2"),
+        ({"reference.path": {"kind": "waypoints", "x": [0, 1, 1], "y": [0, 0, 1]}}, "x: must be at least 4 points"),
         ({"reference.path": {"kind": "csv", "file": "/nowhere.csv"}}, "file: must be a CSV file"),
         (
             {"reference.force": {"kind": "steps", "times": [2.0, 1.0], "levels": [1.0, 2.0, 3.0]}},

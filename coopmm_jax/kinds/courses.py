@@ -87,7 +87,8 @@ class Steps(NamedTuple):
             UserError: not one level more than there are times, or times that do not rise.
         """
         if len(self.levels) != len(self.times) + 1:
-            raise UserError("levels", f"{len(self.times) + 1} of them, one more than times", len(self.levels))
+            must = f"a list of {len(self.times) + 1}, one more than times"
+            raise UserError("levels", must, f"a list of {len(self.levels)}")
         if any(after <= before for before, after in itertools.pairwise(self.times)):
             raise UserError("times", "rising from one to the next", list(self.times))
 
@@ -127,11 +128,12 @@ class Table(NamedTuple):
             UserError: a table that is none, or a fit that deviates too far.
         """
         if len(times) != len(values) or len(times) < 2:
-            raise UserError("values", f"two at least, as many as times ({len(times)})", len(values))
+            must = f"a list of {max(len(times), 2)}, one for each of times, which are at least 2"
+            raise UserError("values", must, f"a list of {len(values)}")
         if any(later <= before for before, later in itertools.pairwise(times)):
-            raise UserError("times", "rising", times)
+            raise UserError("times", "rising from one to the next", list(times))
         if not max(map(abs, times)) < _LATEST:
-            raise UserError("times", f"within {_LATEST:g} s of 0", times)
+            raise UserError("times", f"within {_LATEST:g} s of 0", list(times))
         fit = fits.table_fit(np.array(times), np.array(values), order)
         if fit.deviation > tolerance:
             must = f"enough for a deviation of {tolerance:g} at most (it is {fit.deviation:.3g})"

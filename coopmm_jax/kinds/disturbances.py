@@ -146,7 +146,8 @@ class Table(NamedTuple):
             UserError: times that do not rise, or not one value for each.
         """
         if len(self.times) != len(self.values):
-            raise UserError("values", f"as many as times ({len(self.times)})", len(self.values))
+            must = f"a list of {len(self.times)}, one for each of times"
+            raise UserError("values", must, f"a list of {len(self.values)}")
         if any(later <= earlier for earlier, later in itertools.pairwise(self.times)):
             raise UserError("times", "rising from one to the next", list(self.times))
 

@@ -122,7 +122,7 @@ class Fourier(NamedTuple):
         """
         counts = tuple(len(entries) for entries in self[2:])
         if len(set(counts)) > 1:
-            raise UserError("xc, xs, yc, ys", "as many coefficients each", counts)
+            raise UserError("xc, xs, yc, ys", "lists of one length", f"lists of {', '.join(map(str, counts))}")
 
     def point(self, phase: Scalar) -> tuple[Scalar, Scalar]:
         """World position (x, y) at a scalar phase [m]; the harmonics by addition of angles, so from one sine."""
@@ -151,7 +151,7 @@ class Chebyshev(NamedTuple):
         """
         for name, entries in self._asdict().items():
             if len(entries) < 2:
-                raise UserError(name, "two coefficients at least", len(entries))
+                raise UserError(name, "a list of at least 2", f"a list of {len(entries)}")
 
     def point(self, phase: Scalar) -> tuple[Scalar, Scalar]:
         """World position (x, y) at a scalar phase [m]."""

@@ -55,7 +55,7 @@ class Waypoints(NamedTuple):
             UserError: points that make no path, or a fit that deviates too far.
         """
         if len(x) != len(y):
-            raise UserError("y", f"as many numbers as x ({len(x)})", len(y))
+            raise UserError("y", f"a list of {len(x)}, as long as x", f"a list of {len(y)}")
         return cls(*_fitted(np.array([x, y]).T, closed, order, tolerance, "x"))
 
     def point(self, phase: Scalar) -> tuple[Scalar, Scalar]:
@@ -153,7 +153,7 @@ def _fitted(
 ) -> tuple[Fourier | Chebyshev, float]:
     """Curve through points (n, 2), and its deviation [m]."""
     if len(points) < _FEWEST:
-        raise UserError(field, f"{_FEWEST} points at least", f"{len(points)}")
+        raise UserError(field, f"at least {_FEWEST} points", len(points))
     far = ~(np.abs(points) < _FARTHEST).all(axis=1)
     if far.any():
         x, y = points[far.argmax()]

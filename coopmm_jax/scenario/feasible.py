@@ -265,8 +265,12 @@ def _check_arms(parameters: Parameters, course: Course) -> None:
         distance, nearest, farthest = _stretch(geometry, start, reach, course.height)
         beyond = (distance <= nearest) | (distance >= farthest)
         if beyond.any():
-            must = f"within the reach of arm {number}, {nearest:g} to {farthest:g} m"
-            raise UserError("reference", must, f"{distance[beyond][0]:.3g} m at {course.t[beyond][0]:.3g} s")
+            bounds = f"{nearest:g} to {farthest:g} m"
+            was = f"{distance[beyond][0]:.3g} m at {course.t[beyond][0]:.3g} s"
+            if len(start.joints) > 2:  # those before the last two stay where they start
+                must = f"such that the last two links of arm {number} bridge what is left, {bounds}"
+                raise UserError("initial.pitch", must, was)
+            raise UserError("reference", f"within the reach of arm {number}, {bounds}", was)
     if not abs(across[worst]) >= FLATTEST:
         must = f"where arm I meets the surface at a cosine of {FLATTEST:g} or more with its normal"
         raise UserError("reference.contact", must, f"{abs(across[worst]):.2g} at {course.t[worst]:.3g} s")

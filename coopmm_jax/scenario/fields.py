@@ -40,11 +40,13 @@ PerEntry = Annotated[_One | Annotated[tuple[Number, ...], Tag("list")], Discrimi
 
 def _lists(value: Any) -> Any:
     """Lists of numbers; one number alone, as on the command line, is a list of one."""
-    if not isinstance(value, list | tuple):
+    if isinstance(value, int | float) and not isinstance(value, bool):
         return (value,)
+    if not isinstance(value, list | tuple):
+        raise UserError("", "a list of numbers for both robots, or one for each", value)
     nested = [isinstance(entry, list | tuple) for entry in value]
     if any(nested) and (len(value) != 2 or not all(nested)):
-        raise UserError("", "one list for both robots, or a list of two", value)
+        raise UserError("", "a list of numbers for both robots, or one for each", value)
     return value
 
 

@@ -49,7 +49,7 @@ def find(scenario: BaseModel, path: Sequence[str], field: str = "") -> Place:
 def _child(node: Any, name: str, walked: list[str], field: str) -> Any:
     if isinstance(node, tuple):
         entry = entry_of(_names(node), name)
-        if entry is not None:
+        if entry is not None and isinstance(node[entry], BaseModel):
             return node[entry]
         node = _first(node, name, walked, field)
     fields = type(node).model_fields if isinstance(node, BaseModel) else {}
@@ -60,7 +60,10 @@ def _child(node: Any, name: str, walked: list[str], field: str) -> Any:
 
 
 def _first(entries: tuple[Any, ...], name: str, walked: list[str], field: str) -> Any:
-    if not entries or not isinstance(entries[0], BaseModel):
+    if entries and not isinstance(entries[0], BaseModel):
+        place = ".".join(walked)
+        raise UserError(field or f"{place}.{name}", f"{place}, or one of its numbers as {place}.1", "unknown")
+    if not entries:
         raise UserError(field or ".".join((*walked, name)), f"in an entry of [[{'.'.join(walked)}]]", "unknown")
     return entries[0]
 

@@ -9,8 +9,8 @@ coopmm_jax.errors.UserError: K_lambda: must be greater than -1, was -2
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -33,8 +33,6 @@ _MUST = {  # pydantic's type of error -> what the value must be
     "less_than": "less than {lt}",
     "less_than_equal": "at most {le}",
     "literal_error": "{expected}",
-    "too_short": "a list of {min_length}",
-    "too_long": "a list of {max_length}",
     "model_type": "a table of fields",
 }
 _TAGS = ("one", "list")  # of the alternatives in fields.Pair and its like
@@ -52,7 +50,7 @@ def validate(model: type[Model], data: Mapping[str, Any]) -> Model:
     except ValidationError as error:
         first, *others = (_user_error(model, details) for details in error.errors(include_url=False))
     named = (*first.more, *(other.field for other in others))
-    more = dict.fromkeys(name for name in named if name != first.field)
+    more = dict.fromkeys(name for name in named if not f"{first.field}.".startswith(f"{name}."))
     raise UserError(first.field, first.must, first.was, list(more))
 
 
@@ -67,39 +65,62 @@ def closest(name: str, known: Iterable[str]) -> str:
 
 
 def _user_error(model: type[BaseModel], details: Mapping[str, Any]) -> UserError:
-    path, tagged = _path(model, details["loc"])
-    field = ".".join(str(part) for part in path if isinstance(part, str))
-    field += "".join(f"[{part}]" for part in path if isinstance(part, int))
+    path, one = _path(model, details["loc"])
+    field = ".".join(str(part + 1) if isinstance(part, int) else part for part in path)  # entries count from 1
     kind, was, context = details["type"], details["input"], details.get("ctx", {})
     if isinstance(context.get("error"), UserError):
         own = context["error"]
         prefixed = [".".join(filter(None, (field, name))) for name in (own.field, *own.more)]
         return UserError(prefixed[0], own.must, own.was, prefixed[1:])
+    if kind == "missing" and isinstance(was, list | tuple):
+        return UserError(field.rpartition(".")[0], "a list with more entries", was)
     if kind == "missing":
         return UserError(field, "given", "missing")
     if kind == "extra_forbidden":
         return UserError(field, _known(model, path), "unknown")
+    if "actual_length" in context:
+        return UserError(field, _list_of(context, one), f"a list of {context['actual_length']}")
     numbers = {name: f"{x:.10g}" if isinstance(x, int | float) else x for name, x in context.items()}
     must = _MUST[kind].format(**numbers) if kind in _MUST else f"accepted: {details['msg']}"
-    if "actual_length" in context:
-        return UserError(field, f"one number or {must}" if tagged else must, f"a list of {context['actual_length']}")
     return UserError(field, must, f'"{one_line(was)}"' if isinstance(was, str) else was)
 
 
-def _path(model: type[BaseModel], location: Iterable[str | int]) -> tuple[list[str | int], bool]:
-    """Keys of pydantic's location, and True if a tag that says "one number or a list" stood among them."""
+def _list_of(context: Mapping[str, Any], one: str) -> str:
+    """Demand on the length of a list, in the place of which there may be ``one`` entry for both robots."""
+    least, most = context.get("min_length"), context.get("max_length")
+    if one and least != 1:
+        return f"{one} or a list of {least or most}"
+    if least == 1:
+        return "a list that is not empty"
+    return f"a list of at least {least}" if least else f"a list of at most {most}"
+
+
+def _path(model: type[BaseModel], location: Iterable[str | int]) -> tuple[list[str | int], str]:
+    """Keys of pydantic's location, and what else than a list it can be, if a tag that says so stood among them."""
     path: list[str | int] = []
-    tagged, fields, leaf = False, model.model_fields, False
+    one, fields, leaf = "", model.model_fields, None
     for part in location:
-        if leaf and part in _TAGS:
-            tagged = True
+        if leaf is not None and part in _TAGS:
+            one = _one(leaf)
             continue
         path.append(part)
-        if leaf and isinstance(part, int):
+        if leaf is not None and isinstance(part, int):
             continue  # of a list, whose entries may be alternatives too
         kind = fields[part].annotation if isinstance(part, str) and part in fields else None
-        leaf, fields = kind is not None and not hasattr(kind, "model_fields"), getattr(kind, "model_fields", {})
-    return path, tagged
+        leaf, fields = None if hasattr(kind, "model_fields") else kind, getattr(kind, "model_fields", {})
+    return path, one
+
+
+def _one(kind: Any) -> str:
+    """Words for one entry of a field's list."""
+    types = set(_types(kind))
+    return "one name" if Literal in types else "true, false" if bool in types else "one number"
+
+
+def _types(kind: Any) -> Iterator[Any]:
+    yield get_origin(kind) or kind
+    for inner in get_args(kind):
+        yield from _types(inner)
 
 
 def _known(model: type[BaseModel], path: list[str | int]) -> str:

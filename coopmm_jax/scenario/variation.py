@@ -284,7 +284,8 @@ def _of_lists(entry: Entry, place: str, robot: int | None, owner: BaseModel, val
     robots = range(len(lists)) if robot is None else [robot] if robot < len(lists) else []
     parts = [(i, k) for i in robots for k in range(len(lists[i])) if link in (None, k)]
     if not parts:
-        must = "one of two robots with a list for each, and one of its links"
+        each = (f"{place}.{i}.1 to .{i}.{len(links)}" for i, links in enumerate(lists, 1))
+        must = " or ".join(each) or f"{place}.1 to .{len(value)}"
         raise UserError(f"uncertainty.{entry.name}", must, entry.name)
     found = [
         Number(place, (i, k), lists[i][k], *_described(type(owner), place.rpartition(".")[2]), law, "")

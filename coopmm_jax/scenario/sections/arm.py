@@ -102,8 +102,8 @@ class ArmSection(Section):
             counts = [len(lists_of(values)[i]) for values in given.values()]
             for name, count in zip(given, counts, strict=True):
                 if count != counts[0] or count > MOST:
-                    most = f"at most {MOST} numbers" if count > MOST else f"{counts[0]} numbers, one per pitch link"
-                    raise UserError(name, f"{most} of robot {robot}", count)
+                    must = f"a list of {f'at most {MOST}' if count > MOST else counts[0]}, one per pitch link"
+                    raise UserError(name, f"{must} of robot {robot}", f"a list of {count}")
         return self
 
 
@@ -161,9 +161,10 @@ def check_lists(arm: ArmSection, given: Mapping[str, Any], lift: Any) -> None:
         if numbers is not None and not any(arm.described):
             raise UserError(name, "left out without links or a lift in [arm]", "given")
         for i, robot in enumerate(("I", "II")):
-            if numbers is not None and arm.described[i] and len(lists_of(numbers)[i]) != arm.links[i]:
-                must = f"{arm.links[i]} numbers of robot {robot}, one per pitch link"
-                raise UserError(name, must, len(lists_of(numbers)[i]))
+            count = None if numbers is None else len(lists_of(numbers)[i])
+            if count is not None and arm.described[i] and count != arm.links[i]:
+                must = f"a list of {arm.links[i]}, one per pitch link of robot {robot}"
+                raise UserError(name, must, f"a list of {count}")
     if given["initial.pitch"] is None and max(arm.links) > len(("a2", "a3")):
         raise UserError("initial.pitch", "given, one number per link, where an arm has more than two", "missing")
     if lift is not None and not any(arm.lifted):

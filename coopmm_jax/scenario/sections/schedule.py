@@ -70,7 +70,8 @@ class ScheduleSection(Section):
                 raise UserError(f"schedule.{name}", must, f"a list of {len(knots)}")
         values = {
             name: tuple(
-                entries_of(about[name], knot, rows, f"schedule.{name}[{i}]", velocities) for i, knot in enumerate(knots)
+                entries_of(about[name], knot, rows, f"schedule.{name}.{i}", velocities)
+                for i, knot in enumerate(knots, 1)
             )
             for name, knots in given.items()
         }

@@ -148,6 +148,8 @@ def _distribution(name: str, table: Any) -> Distribution:
     if not isinstance(table, Mapping):
         raise UserError(name, "a table { distribution = ..., ... }", table)
     for key in table:
+        if is_number(key):
+            raise UserError(f"{name}.{key}", f"left out beside {name}, which stands for all its numbers", "given")
         if key not in Distribution.model_fields:
             must = f"one of {', '.join(Distribution.model_fields)}{closest(key, Distribution.model_fields)}"
             raise UserError(f"{name}.{key}", must, "unknown")
