@@ -14,6 +14,10 @@ PAGES = {  # page -> document
     "contributing.md": "CONTRIBUTING.md",
     "theory/paper_notes.md": "experiments/paper_notes.md",
 }
+_MADE = {  # module whose declarations a page of the reference is made of -> that page
+    "coopmm_jax/temporal_logic/grammar.py": "reference/signals.md",
+    "coopmm_jax/kinds/cost_terms.py": "reference/cost.md",
+}
 _LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 
 
@@ -70,7 +74,7 @@ def _source(page: str) -> str:
 
 def _place(path: str, page: str) -> str:
     """Path in the site of a file of the tree."""
-    documents = {document: page for page, document in PAGES.items()}
+    documents = _MADE | {document: page for page, document in PAGES.items()}
     if path in documents:
         return documents[path]
     if path.startswith("experiments/notebooks/"):

@@ -18,7 +18,7 @@ from pydantic import Field, create_model, field_validator
 from coopmm_jax import parameters
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import baselines, controllers
-from coopmm_jax.kinds.controllers import DEFAULT, Gain
+from coopmm_jax.kinds.controllers import DEFAULT, ROW, VELOCITY, Gain
 from coopmm_jax.kinds.protocol import Field as Described
 from coopmm_jax.kinds.protocol import bounds_of
 from coopmm_jax.kinds.registry import known
@@ -29,6 +29,10 @@ assert baselines  # which registers them
 _gains, _structure = parameters.Gains(), parameters.Structure()
 
 VELOCITIES = ROBOTS * JOINTS  # of both robots with the paper's arms; each constraint row makes one of them dependent
+_ORDER = {  # of the entries of a gain's list
+    VELOCITY: ": of robot I u1, u2, yaw and joints that no row takes, then of robot II",
+    ROW: ", in the order of coupling.rows",
+}
 
 
 class LawSection(Section):
@@ -86,7 +90,8 @@ def _default(described: Described) -> float:
 def _meaning(described: Described) -> str:
     text, bracket, unit = described.about.meaning.partition(" [")
     per = described.about.more.per
-    return text + (f", one per {per}" if per else "") + bracket + unit
+    each = f", one per {per}" if per else ""
+    return text + each + _ORDER.get(per or "", "") + bracket + unit
 
 
 def full_gains(sections: Mapping[str, Any], rows: int) -> Any:
