@@ -9,12 +9,14 @@ import pytest
 
 import coopmm_jax
 from coopmm_jax.parameters import Parameters, Structure
+from tests.pictures import render_each_kind_once
 from tests.programs import Program
 from tests.workers import compile_quickly
 
 pytest_plugins = ["tests.sweeps"]
 
 compile_quickly()
+render_each_kind_once()
 _user_cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 jax.config.update("jax_enable_x64", True)
@@ -26,10 +28,9 @@ jax.config.update(
 # JAX's own threshold of 1 s leaves out most of what these tests compile.
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
-# Files that take longest, first, so that two workers end together. test_objective.py finds compiled what
-# test_readme.py has compiled.
+# Files that take longest, first, so that two workers end together.
 _LONGEST = (
-    *("readme", "notebooks", "sweep", "objective", "compare", "path_motion", "faults_damage", "tuning", "gradients"),
+    *("pages", "notebooks", "sweep", "objective", "compare", "path_motion", "faults_damage", "tuning", "gradients"),
     *("compliant_contact", "falsify", "fuzz", "actuators", "lyapunov", "plant"),
 )
 

@@ -10,7 +10,8 @@ import coopmm_jax as cm
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import plugins, registry
 from tests import plugin_page
-from tests.test_readme import carried_out, commands
+from tests.pages import carried_out, commands
+from tests.small_commands import SWEPT
 
 PAGE = Path(__file__).parent.parent / "docs" / "controllers.md"
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -20,7 +21,7 @@ FEW = {"starts": 2, "samples": 2, "screening-samples": 2, "validation-samples": 
 FEW |= {"precision": "float64"}  # one program less to compile
 SMALL = {
     "simulate": SHORT,
-    "sweep": [*SHORT, "--samples", "4", "--batch", "4", "--keep", "2"],
+    "sweep": [*SHORT, *SWEPT],
     "tune": [*SHORT, *(word for name, value in FEW.items() for word in (f"--tuning.{name}", str(value)))],
     "compare": [*SHORT, "--samples", "4"],
 }
@@ -46,7 +47,7 @@ def registered(monkeypatch):
 def results(folder):
     """Outcome of each command by its name, all in one process."""
     jobs = [("command", command, SMALL[name]) for name, command in COMMANDS.items()]
-    done = carried_out(jobs, folder)
+    (done,) = carried_out((folder, jobs))
     return {name: done[command] for name, command in COMMANDS.items()}
 
 

@@ -22,7 +22,8 @@ from coopmm_jax.metrics.table import check_finite as check_metrics
 from coopmm_jax.parameters import Gains
 from coopmm_jax.scenario.gains_file import gains_text, read_gains
 from tests import plugin_page
-from tests.test_readme import blocks, carried_out, commands
+from tests.pages import blocks, carried_out, commands
+from tests.small_commands import SWEPT
 from tuning.cost.objective import TERMS, Objective
 from tuning.cost.objective import check_finite as check_terms
 
@@ -31,13 +32,14 @@ TEXT = plugin_page.PAGE.read_text(encoding="utf-8")
 FILES = plugin_page.files(TEXT)
 SHORT = ["--simulation.duration", "0.05"]
 FEW = {"starts": 2, "samples": 2, "screening-samples": 2, "validation-samples": 2, "test-samples": 4, "budget": 0.002}
+FEW |= {"precision": "float64"}  # one program less to compile
 TUNED = shlex.split(
     f"--simulation.duration 0.05 --tuning.tracking-from 0 --tuning.gains K_lambda --tuning.optimiser cma "
     f"{' '.join(f'--tuning.{name} {value}' for name, value in FEW.items())}"
 )
 SMALL = {
     "simulate bumpy.toml": SHORT,
-    "sweep": [*SHORT, "--samples", "8", "--batch", "8", "--keep", "2"],
+    "sweep": [*SHORT, *SWEPT],
     "simulate --from": SHORT,
     "tune": TUNED,
     "falsify": [*TUNED, "--rollouts", "20", "--starts", "2"],
@@ -63,7 +65,7 @@ def folder(tmp_path_factory):
 def results(folder):
     """Outcome of each command, and of the block of Python, all in one process."""
     jobs = [("command", command, small(command)) for command in COMMANDS] + [("block", block, []) for block in USE]
-    return carried_out(jobs, folder)
+    return carried_out((folder, jobs))[0]
 
 
 @pytest.fixture
@@ -88,7 +90,7 @@ def test_what_plugins_add_is_there(results, folder):
     said = {command.split("simulate ")[-1][:6]: result["said"] for command, result in results.items()}
     assert "elbow_min" in said["bumpy."]
     swept = next(result["said"] for command, result in results.items() if " sweep " in command)
-    assert re.search(r"elbow_min >= 0.3 +\d of 8", swept)
+    assert re.search(r"elbow_min >= 0.3 +\d+ of 16", swept)
     assert "disturbance.bump.top" in swept
     terms = next(result["said"] for command, result in results.items() if " tune " in command)
     assert re.search(r"\byaw\b", terms)

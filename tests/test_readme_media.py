@@ -1,4 +1,4 @@
-"""The command that writes the pictures of README.md; test_readme.py has it write them."""
+"""The command that writes the pictures of README.md; test_pages.py has it write them."""
 
 from experiments import readme_media
 

@@ -1,6 +1,7 @@
-"""The commands and Python blocks of a README at small size, as JSON: run by test_readme.py in a process of its own.
+"""The commands and Python blocks of pages at small size, as JSON: run by ``pages.carried_out`` in a process of its own.
 
-Of its own, as it makes small what has no option for it. Jobs come on the standard input, as [kind, text, more words].
+Of its own, as it makes small what has no option for it. Readers come on the standard input, as [folder, jobs], jobs as
+[kind, text, more words].
 """
 
 import contextlib
@@ -23,13 +24,15 @@ import jax
 from coopmm_jax import cli, runtime
 from experiments import readme_media
 from experiments.benchmarks import falsify, gradients, loops, rollout, sweep, tuners, tuning_quality
+from tests.pictures import render_each_kind_once
+from tests.tuning_results import HORIZON
 
 VALUE = re.compile(r"^(\S.*?) +# (-?\d+(?:\.\d+)?) ")  # a line of Python with what it is said to give
 
 
 def make_experiments_small():
     """Make small the experiments that no option makes so: shorter, fewer, or traced without being compiled."""
-    times = {"force_time": 0.2, "robots_time": 0.2, "tuned_time": 0.02}
+    times = dict.fromkeys(("force_time", "robots_time", "tuned_time"), HORIZON)
     readme_media.write_media = functools.partial(readme_media.write_media, **times)
     rollout._compiled = _traced
     rollout.apart = lambda _, function, *arguments: function(*arguments)  # a new process would not be small
@@ -39,8 +42,8 @@ def make_experiments_small():
     sweep.SCENARIO, sweep.LONGEST, sweep.LARGEST = "sensed", math.inf, math.inf
     sweep.FIRST = sweep.SCALE = sweep.SHORT_FIRST = sweep.FEW = sweep.MANY = sweep.Case(16, 0.1)
     sweep.measure = functools.cache(sweep.measure)
-    falsify.HORIZON = 0.02
-    tuners.DURATION = 0.02
+    falsify.HORIZON = HORIZON
+    tuners.DURATION = HORIZON
     # Its command in this process, which has compiled what it runs and can no longer change XLA's options.
     tuning_quality.subprocess = SimpleNamespace(run=lambda line, **_: cli.main(line[3:]))
     tuning_quality.runtime = SimpleNamespace(use_fast_compilation=lambda batches: True, use_compilation_cache=Path)
@@ -77,12 +80,10 @@ def run_block(text, names):
     return [(float(line[2]), float(eval(line[1], names))) for line in lines]
 
 
-def main():
-    """Print, for each job, its exit code or what its lines gave, and what it said."""
-    assert runtime.use_fast_compilation()
-    make_experiments_small()
+def carry_out(jobs):
+    """For each job its exit code or what its lines gave, what it said, and its seconds of CPU."""
     names, results = {}, []
-    for kind, text, more in json.load(sys.stdin):
+    for kind, text, more in jobs:
         said = io.StringIO()
         began = time.process_time()
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
@@ -91,6 +92,18 @@ def main():
             except Exception:
                 outcome = traceback.format_exc()
         results.append({"outcome": outcome, "said": said.getvalue(), "seconds": time.process_time() - began})
+    return results
+
+
+def main():
+    """Print the results of each reader."""
+    assert runtime.use_fast_compilation()
+    make_experiments_small()
+    render_each_kind_once()
+    results = []
+    for folder, jobs in json.load(sys.stdin):
+        with contextlib.chdir(folder):
+            results.append(carry_out(jobs))
     print(json.dumps(results))
 
 
