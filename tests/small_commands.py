@@ -1,4 +1,4 @@
-"""What makes the commands of the documentation small, so that tests can carry out all of them."""
+"""Sizes that make the commands of the documentation small, so that tests can carry out all of them."""
 
 import json
 import shlex

@@ -53,7 +53,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(folder, tmp_path_factory):
-    """What came of the commands and blocks of the READMEs and of the guide, in order: some need what others wrote."""
+    """Outcomes of the commands and blocks of the READMEs and of the guide, in order: some need what others wrote."""
     newcomer = tmp_path_factory.mktemp("newcomer")
     for text in TEXTS.values():
         for name, content in given(text).items():
