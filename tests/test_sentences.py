@@ -147,7 +147,7 @@ FAULTS = {
     "abs t >= 1": "( after abs at column 5, was t",
     "abs(t >= 1) >= 1": "a number or a signal at column 5, was t",
     "torque_1 >= 5": "[ after torque_1, as in torque_1[right_wheel], at column 10, was >=",
-    "torque_1[joint_7] >= 5": "one of right_wheel, left_wheel, joint_1, joint_2, joint_3 at column 10, was joint_7",
+    "torque_1[joint_9] >= 5": "one of right_wheel, left_wheel, joint_1, joint_2, joint_3 at column 10, was joint_9",
     "torque_1[joint_1 >= 5": "] after torque_1[joint_1 at column 18, was >=",
     "t >= 1 and": "a number or a signal at column 11, was its end",
     "t >= 1 and t": "a condition, as contact_force >= 5, at column 12, was t",

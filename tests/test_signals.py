@@ -11,6 +11,7 @@ import coopmm_jax as cm
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import registry
 from coopmm_jax.loop.rollout import Plan, rollout
+from coopmm_jax.mechanics.coordinates import at_place
 from coopmm_jax.metrics import observer
 from coopmm_jax.metrics.sample import Sample, no_past, past_after, quantities
 from coopmm_jax.metrics.signal_values import signal_values
@@ -157,6 +158,22 @@ def test_a_table_says_more_of_a_requirement():
         ("force_max", True),
         ("presses", True),
     ]
+
+
+def test_joints_of_any_arm_have_signals_and_others_are_refused():
+    position = at_place((0.1, 0.2, 0.3), (1.0, 2.0, 3.0, 4.0))
+    per_robot = {"velocity": range(10, 16), "torque": range(20, 26), "commanded": range(30, 36)}
+    signals = SimpleNamespace(position=(position,) * 2, **{name: (values,) * 2 for name, values in per_robot.items()})
+    sample = SimpleNamespace(structure=SimpleNamespace(joints=(6, 6)), signals=signals)
+    names = ("position_1[a4]", "velocity_2[a4_rate]", "torque_1[joint_4]", "commanded_2[joint_4]")
+    values = signal_values(sample, names)
+    assert [float(values[name]) for name in names] == [4.0, 15.0, 25.0, 35.0]
+    four = {"bent": "always torque_2[joint_4] <= 50"}
+    known = cm.load_scenario("long_arm", requirements=four)
+    assert [name for name, _ in known.requirements.sentences().forms] == ["bent"]
+    message = r"requirements\.bent: must be of joints that robot II has, 1 to 3, was torque_2\[joint_4\]"
+    with pytest.raises(UserError, match=message):
+        cm.load_scenario("paper", requirements=four)
 
 
 @pytest.mark.parametrize("name", ["contact_force", "torque_1", "until", "proof_40"])

@@ -9,13 +9,11 @@ import jax.numpy as jnp
 from coopmm_jax.algebra.sincos import wrapped
 from coopmm_jax.algebra.types import Scalar
 from coopmm_jax.control.reference import AnyReference, at_instant, desired_force, desired_motion
-from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.metrics import of_plugins
 from coopmm_jax.kinds.probe import number_of
 from coopmm_jax.kinds.signals import added
-from coopmm_jax.mechanics.robot import JOINTS
 from coopmm_jax.metrics.sample import Sample, root
-from coopmm_jax.temporal_logic.signals import ACTUATORS, BUILT_IN, RATES
+from coopmm_jax.temporal_logic.signals import ACTUATORS, BUILT_IN, RATES, check_joint
 
 
 def signal_values(sample: Sample, names: Iterable[str]) -> dict[str, Scalar]:
@@ -45,8 +43,7 @@ def _value(sample: Sample, name: str) -> Scalar:
         return _ALONE[name](sample)
     stem, entry = name.removesuffix("]").split("[")
     kind, robot = stem.rsplit("_", 1)
-    if entry in _LAST_JOINT and sample.structure.joints[int(robot) - 1] < JOINTS:
-        raise UserError(f"requirements: {name}", "a signal of a joint that the robot has", name)
+    check_joint(name, sample.structure.joints, "requirements")
     return _BY_ENTRY[kind](sample, int(robot) - 1, entry)
 
 
@@ -60,9 +57,6 @@ _QUANTITIES = {
     "constraint_residual": "constraint_residual",
     "determinant": "determinant",
 }
-
-
-_LAST_JOINT = ("a3", "a3_rate", "joint_3")  # of the paper's arm; one of [arm] can have fewer
 
 
 def _squared(name: str) -> str:
@@ -100,7 +94,7 @@ def _desired(sample: Sample, robot: int, entry: str) -> Scalar:
 _BY_ENTRY: dict[str, Callable[[Sample, int, str], Scalar]] = {
     "position": lambda sample, robot, entry: getattr(sample.signals.position[robot], entry),
     "desired": _desired,
-    "velocity": lambda sample, robot, entry: sample.signals.velocity[robot][list(RATES).index(entry)],
+    "velocity": lambda sample, robot, entry: sample.signals.velocity[robot][RATES.index(entry)],
     "torque": lambda sample, robot, entry: sample.signals.torque[robot][ACTUATORS.index(entry)],
     "commanded": lambda sample, robot, entry: sample.signals.commanded[robot][ACTUATORS.index(entry)],
 }

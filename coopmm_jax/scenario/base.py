@@ -54,7 +54,7 @@ from coopmm_jax.scenario.sections.tuning import TuningSection, tuning_section
 from coopmm_jax.scenario.sections.uncertainty import UncertaintySection
 from coopmm_jax.scenario.validation import closest, validate
 from coopmm_jax.temporal_logic.sentence import signals_of
-from coopmm_jax.temporal_logic.signals import AFTERWARDS
+from coopmm_jax.temporal_logic.signals import AFTERWARDS, check_joint
 
 
 class BaseScenario(HardwareSections):
@@ -258,7 +258,10 @@ class BaseScenario(HardwareSections):
             if sentence is None and metric not in METRICS:
                 must = f"a metric, as coopmm simulate --out writes them{closest(metric, METRICS)}"
                 raise UserError(f"requirements.{metric}", must, "unknown")
-            if sentence is not None and any(name in AFTERWARDS for name in signals_of(sentence.form)):
+            names = () if sentence is None else signals_of(sentence.form)
+            for name in names:
+                check_joint(name, self.arm.joints, f"requirements.{metric}")
+            if any(name in AFTERWARDS for name in names):
                 from coopmm_jax.proof.steps import check_loop  # imports JAX, which other requirements do without
 
                 try:

@@ -1,17 +1,20 @@
 """Signals that sentences of [requirements] speak of: name, unit, meaning; known without JAX.
 
 ``metrics/signal_values.py`` computes them. A plugin adds signals of its own by ``@register("signal", name)``; the
-quantity of a plugin's metric is a signal, too.
+quantity of a plugin's metric is a signal, too. Joints beyond the third, of arms that have more, are known by name and
+not listed.
 
->>> SIGNALS["torque_1[joint_2]"].unit
-'N m'
+>>> SIGNALS["torque_1[joint_2]"].unit, "torque_1[joint_8]" in SIGNALS, "torque_1[joint_8]" in list(SIGNALS)
+('N m', True, False)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
+from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.metrics import of_plugins
 from coopmm_jax.kinds.signals import TAKEN, added
 
@@ -28,9 +31,13 @@ class SignalAbout(NamedTuple):
 
 
 _ROBOTS = {"1": "robot I", "2": "robot II"}
-_COORDINATES = {"z1": "rad", "z2": "m", "z3": "m", "a1": "rad", "a2": "rad", "a3": "rad"}
-RATES = {"u1": "rad/s", "u2": "m/s", "a1_rate": "rad/s", "a2_rate": "rad/s", "a3_rate": "rad/s"}
-ACTUATORS = ("right_wheel", "left_wheel", "joint_1", "joint_2", "joint_3")
+LISTED, MOST = 3, 8  # joints of the paper's arms; of an arm with a yaw, a lift and six links
+_JOINTS = range(1, MOST + 1)
+_PLATFORM = {"z1": "rad", "z2": "m", "z3": "m"}
+_RATES = {"u1": "rad/s", "u2": "m/s"}
+RATES = (*_RATES, *(f"a{k}_rate" for k in _JOINTS))
+ACTUATORS = ("right_wheel", "left_wheel", *(f"joint_{k}" for k in _JOINTS))
+_OF_JOINT = re.compile(r"(?:position|velocity|torque|commanded)_([12])\[(?:a|joint_)(\d+)(?:_rate)?\]")
 
 
 def _errors() -> Iterator[SignalAbout]:
@@ -45,17 +52,67 @@ def _errors() -> Iterator[SignalAbout]:
 
 def _by_entry() -> Iterator[SignalAbout]:
     for i, robot in _ROBOTS.items():
-        for entry, unit in _COORDINATES.items():
+        for entry, unit in _PLATFORM.items():
             yield SignalAbout(f"position_{i}[{entry}]", unit, f"{entry} of {robot}")
-        for entry in ("z1", "z2", "z3", "a1"):
+        yield from _angles(i, _JOINTS[:LISTED])
+        for entry, unit in (*_PLATFORM.items(), ("a1", "rad")):
             about = f"desired {entry} of {robot}" + (", on the robot's own turn" if entry in ("z1", "a1") else "")
-            yield SignalAbout(f"desired_{i}[{entry}]", _COORDINATES[entry], about)
-        for entry, unit in RATES.items():
+            yield SignalAbout(f"desired_{i}[{entry}]", unit, about)
+        for entry, unit in _RATES.items():
             yield SignalAbout(f"velocity_{i}[{entry}]", unit, f"{entry} of {robot}")
-        for actuator in ACTUATORS:
-            about = f"{actuator.replace('_', ' ')} of {robot}"
-            yield SignalAbout(f"torque_{i}[{actuator}]", "N m", f"torque of {about}")
-            yield SignalAbout(f"commanded_{i}[{actuator}]", "N m", f"torque of {about} before limits and lag")
+        yield from _rates(i, _JOINTS[:LISTED])
+        yield from _torques(i, ACTUATORS[: -(MOST - LISTED)])
+
+
+def _of_further_joints() -> Iterator[SignalAbout]:
+    for i in _ROBOTS:
+        yield from _angles(i, _JOINTS[LISTED:])
+        yield from _rates(i, _JOINTS[LISTED:])
+        yield from _torques(i, ACTUATORS[-(MOST - LISTED) :])
+
+
+def _angles(i: str, joints: Iterable[int]) -> Iterator[SignalAbout]:
+    for k in joints:
+        yield SignalAbout(f"position_{i}[a{k}]", "rad", f"a{k} of {_ROBOTS[i]}")
+
+
+def _rates(i: str, joints: Iterable[int]) -> Iterator[SignalAbout]:
+    for k in joints:
+        yield SignalAbout(f"velocity_{i}[a{k}_rate]", "rad/s", f"a{k}_rate of {_ROBOTS[i]}")
+
+
+def _torques(i: str, actuators: Iterable[str]) -> Iterator[SignalAbout]:
+    for actuator in actuators:
+        about = f"{actuator.replace('_', ' ')} of {_ROBOTS[i]}"
+        yield SignalAbout(f"torque_{i}[{actuator}]", "N m", f"torque of {about}")
+        yield SignalAbout(f"commanded_{i}[{actuator}]", "N m", f"torque of {about} before limits and lag")
+
+
+def joint_of(name: str) -> tuple[int, int] | None:
+    """Robot, from 0, and joint, from 1 at the yaw, that a signal belongs to; None of others.
+
+    >>> joint_of("torque_2[joint_3]"), joint_of("velocity_1[a4_rate]"), joint_of("torque_1[left_wheel]")
+    ((1, 3), (0, 4), None)
+    """
+    match = _OF_JOINT.fullmatch(name)
+    return None if match is None else (int(match[1]) - 1, int(match[2]))
+
+
+def check_joint(name: str, joints: tuple[int, int], field: str) -> None:
+    """Check that a signal is not of a joint that a robot lacks.
+
+    Args:
+        name: of the signal.
+        joints: number of each robot's velocities u, two of its platform among them.
+        field: to blame.
+
+    Raises:
+        UserError: it is.
+    """
+    robot, joint = joint_of(name) or (0, 0)
+    has = joints[robot] - len(_RATES)
+    if joint > has:
+        raise UserError(field, f"of joints that {_ROBOTS[str(robot + 1)]} has, 1 to {has}", name)
 
 
 _TABLE = (
@@ -86,7 +143,8 @@ AFTERWARDS = {
     for n, what in _STEPS.items()
 }
 _TABLE += tuple(AFTERWARDS.values())
-BUILT_IN = {signal.name: signal for signal in _TABLE}
+_LISTED = {signal.name: signal for signal in _TABLE}
+BUILT_IN = _LISTED | {signal.name: signal for signal in _of_further_joints()}
 TAKEN.update(name.partition("[")[0] for name in BUILT_IN)
 
 
@@ -100,7 +158,7 @@ class _Signals(Mapping[str, SignalAbout]):
         return SignalAbout(name, made.unit, made.meaning)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys((*BUILT_IN, *added(), *of_plugins())))
+        return iter(dict.fromkeys((*_LISTED, *added(), *of_plugins())))
 
     def __len__(self) -> int:
         return len(list(iter(self)))
