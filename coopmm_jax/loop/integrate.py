@@ -49,7 +49,9 @@ def rk4_step(field: Callable, t: Scalar, step: Scalar, state: PyTree, known: PyT
     table = (jnp.asarray(_NODES, dtype), jnp.asarray(_WEIGHTS, dtype))
     if known is not None:
         table = (*table, jnp.asarray(_PLACES, jnp.int32))
-    (_, total), signals = jax.lax.scan(recomputed(stage), (jax.tree.map(jnp.zeros_like, state), state), table)
+    # Of a batch as soon as the state is: with constants JAX would trace the stages of a batch twice to find that out.
+    zero = jax.tree.map(lambda x: 0.0 * x, state)
+    (_, total), signals = jax.lax.scan(recomputed(stage), (zero, state), table)
     return total, jax.tree.map(lambda s: s[0], signals)
 
 
