@@ -19,6 +19,7 @@ from coopmm_jax.algebra.derivative import derivatives
 from coopmm_jax.control import chain
 from coopmm_jax.control.backstepping import backstepping_errors, reference_velocity
 from coopmm_jax.control.reference import Desired
+from coopmm_jax.kinds.robust_adaptive import Gains
 from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.rollout import as_scalars
 from coopmm_jax.loop.start import initial_state
@@ -26,7 +27,7 @@ from coopmm_jax.mechanics import robot_kinematics
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.robot_kinematics import chained_rates
-from coopmm_jax.parameters import PAPER_START, Gains, Geometry, Parameters, Structure
+from coopmm_jax.parameters import PAPER_START, Geometry, Parameters, Structure
 from experiments import paper_runs
 
 Figures = dict[str, Any]  # name, with its unit -> one value or several

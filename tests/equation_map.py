@@ -35,7 +35,7 @@ EQUATIONS = {
     "control.robust_adaptive": ("(18)-(24)", "the paper's controller: its state and command"),
     "loop.force_loop": ("(17)", "the force loop at one instant"),
     "loop.closed_loop": ("(11)-(24)", "all of it as one vector field"),
-    "parameters": ("(12)-(15), (17)-(24)", "gains and every other number of a rollout"),
+    "kinds.robust_adaptive": ("(12)-(15), (17)-(24)", "gains of the paper's controller"),
     "proof.terms": ("(30)-(40)", "the terms of the proof of Theorem 3.1"),
     "proof.steps": ("(34)-(37), (39), (40)", "both sides of the proof's steps, Assumption 3.2"),
     "proof.margins": ("(40)", "the steps' margins while a rollout is traced"),

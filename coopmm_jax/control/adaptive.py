@@ -8,7 +8,8 @@ import jax.numpy as jnp
 
 from coopmm_jax.algebra.matrix import dot, norm, scaled
 from coopmm_jax.algebra.types import Scalar, Vector
-from coopmm_jax.parameters import Gains, Structure
+from coopmm_jax.kinds.robust_adaptive import Gains
+from coopmm_jax.parameters import Structure
 
 
 class Regressors(NamedTuple):

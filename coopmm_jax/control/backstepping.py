@@ -13,8 +13,8 @@ from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control import chain
 from coopmm_jax.control.chain import Chain
 from coopmm_jax.control.reference import Desired
+from coopmm_jax.kinds.robust_adaptive import Gains
 from coopmm_jax.mechanics.coordinates import AnyPosition, LongPosition, Position
-from coopmm_jax.parameters import Gains
 
 
 class Errors(NamedTuple):

@@ -12,13 +12,14 @@ from coopmm_jax.control import adaptive, backstepping
 from coopmm_jax.control.gain_schedule import in_force
 from coopmm_jax.control.posture import desired_postures, with_posture
 from coopmm_jax.control.reference import Desired, desired_motion
+from coopmm_jax.kinds.robust_adaptive import Gains
 from coopmm_jax.mechanics import constrained_dynamics, partitioning
 from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.coordinates import AnyPosition, LongPosition, arm_of
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import Partition, Reduction, split
 from coopmm_jax.mechanics.robot import PLATFORM, per_robot
-from coopmm_jax.parameters import Gains, Structure
+from coopmm_jax.parameters import Structure
 
 
 class MotionErrors(NamedTuple):

@@ -11,8 +11,8 @@ from coopmm_jax.algebra.types import Pair, Scalar, Vector
 from coopmm_jax.control import adaptive, backstepping, motion
 from coopmm_jax.control.controller import Command, Freedom, Seen
 from coopmm_jax.control.filtered_error import Filtered, filtered, force_feedback
+from coopmm_jax.kinds.robust_adaptive import Gains
 from coopmm_jax.mechanics.robot import per_robot
-from coopmm_jax.parameters import Gains
 
 __all__ = ["command", "estimates", "force_feedback", "robust_term", "start"]
 

@@ -12,7 +12,8 @@ from jax.core import Tracer
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.controllers import name_of
-from coopmm_jax.parameters import Gains, Parameters, Structure
+from coopmm_jax.kinds.robust_adaptive import Gains
+from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.proof.terms import ProofTerms, Reduced
 
 STEPS = ("(34)", "(35)", "(36)", "(37)", "(39)")

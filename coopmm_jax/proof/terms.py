@@ -17,6 +17,7 @@ from coopmm_jax.algebra.matrix import dot, minus, norm
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control import adaptive, backstepping, motion
 from coopmm_jax.control.reference import desired_motion
+from coopmm_jax.kinds.robust_adaptive import Gains
 from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics import partitioning
@@ -26,7 +27,7 @@ from coopmm_jax.mechanics.model import Model, build_model
 from coopmm_jax.mechanics.plant import expected_kinematics
 from coopmm_jax.mechanics.robot import PLATFORM
 from coopmm_jax.mechanics.robot_dynamics import AnyLumped
-from coopmm_jax.parameters import Gains, Parameters, Structure
+from coopmm_jax.parameters import Parameters, Structure
 
 # States evaluated together: few enough to stay below 0.3 GB, many enough that the cost of a call does not count.
 _BATCH = 4096

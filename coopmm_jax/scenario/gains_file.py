@@ -1,6 +1,6 @@
 """Gains in a file of their own: what ``coopmm tune`` writes and ``--gains-file`` reads.
 
->>> from coopmm_jax.parameters import Gains
+>>> from coopmm_jax.kinds.robust_adaptive import Gains
 >>> gains_text(Gains(k0=3.0)).splitlines()[:2]
 ['[law]', 'controller = "robust_adaptive"']
 """

@@ -16,7 +16,8 @@ import jax
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Gains, Parameters, PhaseSchedule, Schedule
+from coopmm_jax.kinds.robust_adaptive import Gains
+from coopmm_jax.parameters import Parameters, PhaseSchedule, Schedule
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import vary

@@ -18,7 +18,8 @@ import jax
 import numpy as np
 
 from coopmm_jax.errors import UserError
-from coopmm_jax.parameters import Gains, PhaseSchedule, Schedule
+from coopmm_jax.kinds.robust_adaptive import Gains
+from coopmm_jax.parameters import PhaseSchedule, Schedule
 from coopmm_jax.scenario.scenario import Scenario
 from coopmm_jax.sweeps.engine import carried_by
 from tuning.cost import evaluate

@@ -55,7 +55,7 @@ class TuningResult:
 
     @property
     def gains(self) -> Any:
-        """The tuned gains, ``coopmm_jax.parameters.Gains``."""
+        """The tuned gains, ``coopmm_jax.kinds.robust_adaptive.Gains``."""
         return self.scenario.parameters().gains
 
     @property

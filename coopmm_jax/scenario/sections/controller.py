@@ -22,11 +22,12 @@ from coopmm_jax.kinds.controllers import DEFAULT, ROW, VELOCITY, Gain
 from coopmm_jax.kinds.protocol import Field as Described
 from coopmm_jax.kinds.protocol import bounds_of
 from coopmm_jax.kinds.registry import known
+from coopmm_jax.kinds.robust_adaptive import Gains
 from coopmm_jax.mechanics.robot import JOINTS, ROBOTS
 from coopmm_jax.scenario.fields import Finite, NotNegative, Pair, PerEntry, PerLink, Positive, Section, quantity
 
 assert baselines  # which registers them
-_gains, _structure = parameters.Gains(), parameters.Structure()
+_gains, _structure = Gains(), parameters.Structure()
 
 VELOCITIES = ROBOTS * JOINTS  # of both robots with the paper's arms; each constraint row makes one of them dependent
 _ORDER = {  # of the entries of a gain's list
