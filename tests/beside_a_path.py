@@ -1,5 +1,6 @@
 """Runs along a path that several tests look at: parameters and starts from the study behind them."""
 
+import coopmm_jax as cm
 from coopmm_jax.kinds.courses import Sine, Swing
 from coopmm_jax.kinds.paths import Fourier
 from coopmm_jax.kinds.timings import Rate
@@ -9,6 +10,8 @@ FULL = Structure(feedforward="full")
 # As Fourier paths, so that one compiled program does for both.
 ELLIPSE = Fourier(0.0, 0.0, (1.7, 0.0), (0.0, 0.0), (0.0, 0.0), (1.2, 0.0))
 EIGHT = Fourier(0.0, 0.0, (0.0, 0.0), (3.0, 0.0), (0.0, 0.0), (0.0, 1.2))
+# Close to a circle, so that platforms on two axles can follow; one harmonic, which compiles faster.
+ROUND = Fourier(0.0, 0.0, (1.7,), (0.0,), (0.0,), (1.6,))
 _GUESS = ((-0.795399, 1.590798), (2.346194, 1.590798))  # a2, a3
 
 
@@ -30,7 +33,39 @@ def ellipse(guide="rail", ramp=0.5, away=0.1):
     return parameters(ELLIPSE, Rate(1.0, 0.0, 0.3, 1.0, ramp), platforms, guide)
 
 
+def circle():
+    """The paper's run with its circle as a path and a rail."""
+    paper, path = Parameters(), Fourier(0.0, 0.0, (1.7, 0.0), (0.0, 0.0), (0.0, 0.0), (1.7, 0.0))
+    timing = Rate(ramp=0.0)
+    reference = PathReference(path, timing, contact=Swing(), contact_force=Sine(15.0, 0.0))
+    return paper._replace(plant=paper.plant._replace(guide=Rail(path, timing.start)), reference=reference)
+
+
 def eight(guide="rail"):
     """Along the figure of eight, whose yaw rate u_d1 changes sign."""
     platforms = ((1.847571, 0.381803, -1.113137, 1.097198), (1.228982, 1.637728, -1.113137, 1.570796))
     return parameters(EIGHT, Rate(0.7, 0.5), platforms, guide)
+
+
+def round_about():
+    """Along ROUND, from 0.1 m outside of each platform's path, with gains for a chain of four errors."""
+    platforms = ((2.5, 0.0, 0.0, 1.097198), (1.1, 0.0, 0.0, 1.570796))
+    start = parameters(ROUND, Rate(1.0, 0.0, 0.3, 1.0, 0.5), platforms, "rail")
+    return start._replace(gains=Gains(k2=3.0, k3=3.0, k4=3.0, delta_floor=0.1))
+
+
+ALONG = {
+    "path": {"kind": "ellipse"},
+    "timing": {"kind": "rate", "sway": 0.3},
+    "force": {"kind": "sine", "mean": 15.0, "amplitude": 5.0},
+    "contact": {"kind": "swing"},
+}
+START = {"x": [2.5, 1.1], "y": 0.0, "th": 0.0, "a1": [1.097198, 1.570796]}
+START |= {"a2": [-0.795399, 2.346194], "a3": 1.590798}
+
+
+def scenario(**overrides):
+    """``ellipse`` as a scenario."""
+    return cm.load_scenario(
+        "paper_full", **{"reference": ALONG, "initial": START, "law": {"delta_floor": 0.1}} | overrides
+    )

@@ -1,5 +1,6 @@
 """Random robots, pairs of robots and states, and how tests hand them to the simulator and read its answers."""
 
+import jax
 import numpy as np
 
 from coopmm_jax.kinds.surfaces import Conic, Plane, Profile
@@ -8,6 +9,7 @@ from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.partitioning import dependent_solution
 from coopmm_jax.parameters import ALL_ROWS, Geometry, Inertia, Parameters, Plant, Pose, Surface
+from coopmm_jax.proof import terms as proof_terms
 from tests.oracles import lagrangian
 
 GRAVITY = 9.81
@@ -123,3 +125,14 @@ def vector(components):
 def linear_map(function, size):
     """The matrix of a linear function from a tuple of ``size`` scalars to a vector, column by column."""
     return np.column_stack([function(tuple(map(float, unit))) for unit in np.eye(size)])
+
+
+def rate_of_V1(structure, parameters, t, states):
+    """Of (32) at states with leaves (T,): V1's rate, what decays and what couples, (T,) each, without the rest."""
+
+    @jax.jit
+    def chosen(parameters, t, states):
+        terms = proof_terms.evaluate(structure, build_model(parameters), t, states)
+        return terms.V1_rate, terms.decay, terms.cross
+
+    return chosen(parameters, t, states)

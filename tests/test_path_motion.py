@@ -6,20 +6,19 @@ import jax
 import numpy as np
 import pytest
 
+import coopmm_jax as cm
 from coopmm_jax.control.reference import at_instant, desired_motion
 from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.kinds.courses import Sine, Swing
-from coopmm_jax.kinds.paths import Circle
+from coopmm_jax.kinds.paths import Ellipse
 from coopmm_jax.kinds.timings import Rate, RestToRest
-from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.disturbance import disturbing
-from coopmm_jax.parameters import Gains, Parameters, PathReference, Rail, Structure
-from coopmm_jax.proof.terms import proof_terms
+from coopmm_jax.parameters import Gains, PathReference, Structure
 from tests import path_results
-from tests.beside_a_path import EIGHT, FULL, eight, ellipse
+from tests.beside_a_path import ALONG, EIGHT, ELLIPSE, FULL, circle, eight, ellipse, scenario
 from tests.oracles import lagrangian
-from tests.samples import poses
+from tests.samples import poses, rate_of_V1
 
 # z1 z2 z3 a1 a2 a3 of both robots after one second.
 ON_THE_ELLIPSE = [
@@ -74,7 +73,7 @@ def test_ellipse_over_three_turns(along_the_ellipse):
 
 
 def test_desired_motion_on_the_ellipse():
-    one, _ = desired_motion(ellipse().reference, 1.0)
+    one, _ = jax.jit(desired_motion)(ellipse().reference, 1.0)
     assert_figures([*one[:6]], [0.901931, 2.113348, -0.499097, 1.060837, 0.064398, -0.580816])
 
 
@@ -136,9 +135,8 @@ def test_eight_over_its_crossing(along_the_eight):
     assert max(np.abs(phi).max() for phi in run.signals.constraint_residual) < 2e-8
 
 
-def test_rail_along_a_circle_is_the_circle(programs, paper_run):
-    paper = Parameters()
-    run = programs(Structure())(paper._replace(plant=paper.plant._replace(guide=Rail(Circle()))), steps=1000)
+def test_path_and_rail_along_a_circle_are_the_circle(programs, paper_run):
+    run = programs(Structure())(circle(), steps=1000)
     assert_figures(coordinates(run), coordinates(paper_run))
     np.testing.assert_allclose(forces(run), forces(paper_run), rtol=1e-9)
 
@@ -153,9 +151,12 @@ REFERENCES = {
 def test_desired_motion_obeys_the_chained_form(name):
     """(8) at u_d, in particular z_d2' = u_d1 z_d3: no side slip; also that a known instant has the right rates."""
     reference, t = REFERENCES[name], 0.9
-    both, rates = jax.jvp(lambda t: desired_motion(reference, t), (t,), (1.0,))
-    known = at_instant(reference, t)
-    again, known_rates = jax.jvp(lambda t: desired_motion(known, t), (t,), (1.0,))
+
+    def with_rates(reference, t):
+        return jax.jvp(lambda t: desired_motion(reference, t), (t,), (1.0,))
+
+    both, rates = jax.jit(with_rates)(reference, t)
+    again, known_rates = jax.jit(lambda reference, t: with_rates(at_instant(reference, t), t))(reference, t)
     np.testing.assert_allclose(jax.tree.leaves(again), jax.tree.leaves(both), rtol=1e-15)
     np.testing.assert_allclose(jax.tree.leaves(known_rates), jax.tree.leaves(rates), rtol=1e-12, atol=1e-14)
     for desired, rate in zip(both, rates, strict=True):
@@ -169,10 +170,10 @@ def test_lyapunov_rate_where_the_yaw_rate_changes_sign(along_the_eight):
     chosen = jax.tree.map(lambda x: x[:9000:600], along_the_eight.signals)
     independent = (*chosen.velocity[0][:3], *chosen.velocity[1][:3])
     states = State(chosen.position, independent, ControllerState(*chosen.controller), carriage=chosen.carriage)
-    terms = proof_terms(FULL, eight(), along_the_eight.t[:9000:600], states)
+    V1_rate, decay, cross = rate_of_V1(FULL, eight(), along_the_eight.t[:9000:600], states)
     turn = chosen.aim.turn.value
     assert turn.min() < 0.0 < turn.max()
-    assert np.abs(terms.V1_rate + terms.decay - terms.cross).max() < 1e-15
+    assert np.abs(V1_rate + decay - cross).max() < 1e-15
 
 
 def test_energy_balance_on_the_rail(along_the_eight):
@@ -192,15 +193,35 @@ def test_energy_balance_on_the_rail(along_the_eight):
     assert np.abs(rate - power[3:-3]).max() < 1e-8 * np.abs(power).max()
 
 
-def test_aims_computed_ahead_change_nothing(along_the_ellipse):
+@pytest.fixture(scope="module")
+def simulated_ellipse():
+    """From a scenario, over 1 s."""
+    path = {"kind": "fourier", "xc": ELLIPSE.xc, "xs": ELLIPSE.xs, "yc": ELLIPSE.yc, "ys": ELLIPSE.ys}
+    return cm.simulate(scenario(reference=ALONG | {"path": path}, simulation={"duration": 1.0}))
+
+
+def test_simulated_ellipse(simulated_ellipse):
+    """The study's figures, from a scenario; desired force and headings are recorded over time."""
+    run = simulated_ellipse
+    assert run.q[-1, 0, 2:] == pytest.approx([0.907935, 1.297555, -0.778111, 1.556222], abs=2e-6)
+    assert run.carriage.shape == (1001, 1)
+    np.testing.assert_allclose(run.constraint_force_desired[:, 0], 15.0 + 5.0 * np.sin(run.t), rtol=1e-14)
+    assert np.abs(run.zeta[..., 0] - run.zeta_desired[..., 0]).max() < 0.2
+    assert run.to_xarray().carriage.dims == ("t", "rail")
+    slow = 1.0 - 0.5 * (1.0 - np.exp(-2.0))
+    object_error = np.linalg.norm(run.tip[-1, 1, :2] - Ellipse().point(slow + 0.3 * np.sin(slow)))
+    assert run.metrics["object_final"] == pytest.approx(object_error, rel=1e-9)
+
+
+def test_aims_computed_ahead_change_nothing(simulated_ellipse, along_the_ellipse):
     """A rollout alone reads the desired motion from a table, a batch computes it stage by stage."""
-    state = jax.jit(lambda p: rollout(FULL, p, 1e-3, 200, Plan.alone(200)).state)(ellipse())
-    for mine, position in zip(state.position, along_the_ellipse.signals.position, strict=True):
-        np.testing.assert_allclose(mine, [x[200] for x in position], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(state.carriage, along_the_ellipse.signals.carriage[0][200], rtol=1e-12)
+    alone, signals = simulated_ellipse, along_the_ellipse.signals
+    q, carriage = poses(signals.position)[:201], signals.carriage[0][:201]
+    np.testing.assert_allclose(alone.q[:201], q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(alone.carriage[:201, 0], carriage, rtol=1e-12)
 
 
-def test_gradients_over_a_rollout_by_path_rail_timing_and_gains():
+def test_gradients_over_a_rollout_by_path_rail_timing_gains_and_fronts():
     """Reverse mode against differences of sixth order; with ideal sensing the desired force changes no motion."""
     found = path_results.results()
     for name, exact, difference in zip(path_results.CHANGES, found["reverse"], found["central"], strict=True):

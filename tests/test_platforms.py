@@ -30,10 +30,10 @@ from coopmm_jax.parameters import (
     Trailer,
 )
 from coopmm_jax.proof.lyapunov import states_of
-from coopmm_jax.proof.terms import proof_terms
 from coopmm_jax.scenario.feasible import check_reference
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.variation import vary
+from tests.samples import rate_of_V1
 
 FULL = Structure(feedforward="full")
 FRONTS = {"trailer": (Trailer(), FrontInertia()), "car": (Car(), FrontInertia(1.0, 0.5, 0.1))}
@@ -84,49 +84,6 @@ def test_run_of_a_study(kind):
         np.testing.assert_allclose([float(x) for x in found], figures, rtol=0, atol=2e-5)
 
 
-OFFSETS, WEIGHTS = np.array([-2, -1, 1, 2]), np.array([1, -8, 8, -1]) / 12.0
-CHANGES = ("wheelbase", "r_f", "d_f", "m_f", "I_f", "k4", "k2", "path radius")
-
-
-def moved(x):
-    """Parameters of trailer and car on the circle with the numbers of CHANGES moved by x (8,)."""
-    wheelbase, r_f, d_f, m_f, I_f, k4, k2, radius = x
-    start = beside_the_circle(("trailer", "car"))
-    reference = start.reference._replace(path=Circle(1.7 + radius))
-
-    def other(geometry):
-        front = geometry.front
-        return geometry._replace(
-            front=front._replace(wheelbase=front.wheelbase + wheelbase, r_f=front.r_f + r_f, d_f=front.d_f + d_f)
-        )
-
-    def heavier(inertia):
-        return inertia._replace(front=inertia.front._replace(m_f=inertia.front.m_f + m_f, I_f=inertia.front.I_f + I_f))
-
-    plant = start.plant._replace(
-        geometry=tuple(map(other, start.plant.geometry)), inertia=tuple(map(heavier, start.plant.inertia))
-    )
-    gains = start.gains._replace(k4=3.0 + k4, k2=3.0 + k2)
-    return start._replace(plant=plant, gains=gains, reference=reference)
-
-
-def test_slopes_by_lengths_masses_and_gains_are_those_of_differences():
-    """Through 40 steps, robots and controller state, the unit of length following the platform and the path."""
-
-    def cost(x):
-        state = rollout(FULL, moved(x), 2e-3, 40, Plan.gradient(40, 10)).state
-        return sum(map(sum, state.position)) + sum(state.controller.force_integral)
-
-    both, zero, step = jax.jit(jax.value_and_grad(cost)), np.zeros(len(CHANGES)), 1e-3
-    slopes = np.asarray(both(zero)[1])
-    differences = [
-        sum(w * float(both(zero + k * step * unit)[0]) for k, w in zip(OFFSETS, WEIGHTS, strict=True)) / step
-        for unit in np.eye(len(CHANGES))
-    ]
-    assert np.all(slopes != 0)
-    np.testing.assert_allclose(slopes, differences, rtol=2e-7, atol=1e-8 * np.abs(slopes).max())
-
-
 @pytest.fixture(scope="module")
 def mixed():
     """Half a second of the shipped scenario, with 0.1 m of offset."""
@@ -148,8 +105,8 @@ def test_V1_decays_as_32_says(mixed):
     geometry = build_model(mixed.scenario.parameters()).geometry
     assert np.asarray(steering(geometry, states.position)[0]) == pytest.approx(mixed.steering[::50, 0], abs=1e-14)
     parameters = mixed.scenario.parameters()
-    terms = proof_terms(FULL, parameters, t, states)
-    np.testing.assert_allclose(terms.V1_rate, terms.cross - terms.decay, rtol=0, atol=1e-11 * np.abs(terms.decay).max())
+    V1_rate, decay, cross = rate_of_V1(FULL, parameters, t, states)
+    np.testing.assert_allclose(V1_rate, cross - decay, rtol=0, atol=1e-11 * np.abs(decay).max())
 
 
 def test_films_show_the_front_axle(mixed):
@@ -252,7 +209,7 @@ KINDS = ("differential", "trailer", "car", "tank", "", 3, ["car", "trailer"], ["
 def test_odd_sections_are_refused_in_one_line_or_pass():
     draw, refused = random.Random(0), []
     fields = ("wheelbase", "d_f", "l_f", "r_f", "m_f", "I_f", "I_wf", "unit", "colour")
-    for _ in range(1000):
+    for _ in range(400):
         table = {"kind": draw.choice(KINDS)} | {draw.choice(fields): draw.choice(ODD) for _ in range(draw.randrange(3))}
         start = {"initial": {"steer": draw.choice(ODD)}} if draw.random() < 0.3 else {}
         try:
@@ -261,7 +218,7 @@ def test_odd_sections_are_refused_in_one_line_or_pass():
             scenario.to_toml()
         except UserError as error:
             refused.append(str(error))
-    assert 100 < len(refused) < 900
+    assert 40 < len(refused) < 360
     assert not any("\n" in line for line in refused)
 
 

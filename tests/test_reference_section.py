@@ -15,23 +15,9 @@ from coopmm_jax.kinds.waypoints import Csv, Waypoints
 from coopmm_jax.parameters import PathReference, Rail
 from coopmm_jax.runs.beginning import beginning, warn_of_distant_start
 from coopmm_jax.scenario.feasible import check_reference
-from tests.beside_a_path import EIGHT, ELLIPSE, ellipse
+from tests.beside_a_path import ALONG, EIGHT, ELLIPSE, ellipse, scenario
 
-ALONG = {
-    "path": {"kind": "ellipse"},
-    "timing": {"kind": "rate", "sway": 0.3},
-    "force": {"kind": "sine", "mean": 15.0, "amplitude": 5.0},
-    "contact": {"kind": "swing"},
-}
-START = {"x": [2.5, 1.1], "y": 0.0, "th": 0.0, "a1": [1.097198, 1.570796]}
-START |= {"a2": [-0.795399, 2.346194], "a3": 1.590798}
 ANGLE = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
-
-
-def scenario(**overrides):
-    return cm.load_scenario(
-        "paper_full", **{"reference": ALONG, "initial": START, "law": {"delta_floor": 0.1}} | overrides
-    )
 
 
 def test_scenario_becomes_the_reference():
@@ -67,19 +53,6 @@ def test_tables_go_through_their_values_however_few(count):
     times = np.linspace(0.0, 10.0, count)
     made = Table.build(tuple(times), tuple(15.0 + np.sin(times)), order=40)
     np.testing.assert_allclose([made.value(t) for t in times], 15.0 + np.sin(times), atol=1e-9)
-
-
-def test_simulated_ellipse():
-    """The study's figures, from a scenario; desired force and headings are recorded over time."""
-    run = cm.simulate(scenario(simulation={"duration": 1.0}))
-    assert run.q[-1, 0, 2:] == pytest.approx([0.907935, 1.297555, -0.778111, 1.556222], abs=2e-6)
-    assert run.carriage.shape == (1001, 1)
-    np.testing.assert_allclose(run.constraint_force_desired[:, 0], 15.0 + 5.0 * np.sin(run.t), rtol=1e-14)
-    assert np.abs(run.zeta[..., 0] - run.zeta_desired[..., 0]).max() < 0.2
-    assert run.to_xarray().carriage.dims == ("t", "rail")
-    slow = 1.0 - 0.5 * (1.0 - np.exp(-2.0))
-    object_error = np.linalg.norm(run.tip[-1, 1, :2] - Ellipse().point(slow + 0.3 * np.sin(slow)))
-    assert run.metrics["object_final"] == pytest.approx(object_error, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -29,8 +29,9 @@ from coopmm_jax.mechanics.robot import PLATFORM
 from coopmm_jax.mechanics.robot_dynamics import AnyLumped
 from coopmm_jax.parameters import Parameters, Structure
 
-# States evaluated together: few enough to stay below 0.3 GB, many enough that the cost of a call does not count.
-_BATCH = 4096
+# States evaluated together, the last one repeated to fill up: few enough to stay below 0.3 GB, many enough that the
+# cost of a call does not count. Two sizes only, as each compiles its operations anew.
+_BATCH, _FEW = 4096, 64
 
 
 class Reduced(NamedTuple):
@@ -82,11 +83,12 @@ def proof_terms(structure: Structure, parameters: Parameters, t: np.ndarray, sta
     (3, 6, 6)
     """
     count = len(t)
+    size = _FEW if count <= _FEW else _BATCH
     batches = []
     with jax.enable_x64(True):
         model = build_model(parameters)
-        for first in range(0, count, _BATCH):
-            chosen = np.minimum(np.arange(first, first + _BATCH), count - 1)
+        for first in range(0, count, size):
+            chosen = np.minimum(np.arange(first, first + size), count - 1)
             at, here = jax.tree.map(lambda x, chosen=chosen: jnp.asarray(np.asarray(x)[chosen]), (t, states))
             batches.append(jax.tree.map(np.asarray, evaluate(structure, model, at, here)))
     joined = jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1)[..., :count], *batches)
