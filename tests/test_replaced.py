@@ -39,11 +39,6 @@ PITCH = {"initial.pitch": [0.6, -1.7, 1.6]}
         ("sensed", {"nominal.m_f": 4.0}, "nominal.m_f: must be left out of differential drives, was 4.0"),
         ("sensed", {"tuning.gains": ["k4"]}, "tuning.gains: must be without k4, which differential drives do without"),
         (
-            "sensed",
-            {"schedule.times": [0.0, 1.0], "schedule.k4": [1.0, 2.0]},
-            "schedule.k4: must be left out of differential drives, was given",
-        ),
-        (
             "long_arm",
             {"uncertainty": {"plant.l2": HALF}},
             "uncertainty.plant.l2: must be left out where arm.l_links is given, was given",

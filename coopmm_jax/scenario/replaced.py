@@ -105,18 +105,14 @@ def check_read(scenario: BaseModel) -> None:
         if value not in (default, (default, default)):
             raise UserError(place, must, value)
     if _drives_alone(scenario):
-        _check_steering(scenario)
+        _check_tuned(scenario)
 
 
-def _check_steering(scenario: Any) -> None:
-    """Check that no gain of two axles is tuned or scheduled."""
-    if controller(scenario.law.controller).plugin is not None:
-        return
-    if _STEERING in scenario.tuning.gains:
+def _check_tuned(scenario: Any) -> None:
+    """Check that no gain of two axles is tuned; it may be given, as gains of other robots are tried on these."""
+    if _STEERING in scenario.tuning.gains and controller(scenario.law.controller).plugin is None:
         must = f"without {_STEERING}, which differential drives do without"
         raise UserError("tuning.gains", must, list(scenario.tuning.gains))
-    if getattr(scenario.schedule, _STEERING, None) is not None:
-        raise UserError(f"schedule.{_STEERING}", "left out of differential drives", "given")
 
 
 def _drives_alone(scenario: Any) -> bool:
