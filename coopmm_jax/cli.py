@@ -121,6 +121,8 @@ def _run(argv: Sequence[str], own_process: bool) -> int:
         raise UserError(f"--{next(iter(changes))}", "given to a command that runs a scenario", options.command)
     if options.computes and own_process:
         runtime.use_fast_compilation(options.sweeps)
+        if not options.sweeps:
+            runtime.use_processor()
         runtime.use_compilation_cache()
     options.argv = [*argv, *(f"{plugins.OPTION}={file}" for file in files)]
     return options.run(options, changes)

@@ -19,7 +19,9 @@ _LIMITS = (  # of a container: what it may use, what it uses
 )
 
 
-def check_memory(needed: float, field: str, must: str, was: Any) -> None:
+def check_memory(
+    needed: float, field: str, must: str, was: Any, free: float | None = None, whose: str = "memory"
+) -> None:
     """Refuse what does not fit into the free memory.
 
     Args:
@@ -27,13 +29,15 @@ def check_memory(needed: float, field: str, must: str, was: Any) -> None:
         field: setting to change.
         must: what it must be for less memory.
         was: its value.
+        free: memory that there is [byte]; left out, this process's.
+        whose: memory it is, in words.
 
     Raises:
         UserError: it takes more than there is.
     """
-    free = free_memory()
+    free = free_memory() if free is None else free
     if needed > free:
-        takes = f"it takes {needed / GIGABYTE:.3g} GB of memory, {free / GIGABYTE:.3g} GB are free"
+        takes = f"it takes {needed / GIGABYTE:.3g} GB of {whose}, {free / GIGABYTE:.3g} GB are free"
         raise UserError(field, f"{must} ({takes})", was)
 
 

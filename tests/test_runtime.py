@@ -133,3 +133,12 @@ print(folder)
     environment = {name: value.format(tmp=tmp_path) for name, value in environment.items()}
     assert Path(in_new_process(code, **environment)) == tmp_path / folder
     assert any((tmp_path / folder).iterdir())
+
+
+@pytest.mark.parametrize(("asked_for", "used"), [("", "cpu"), ("cuda", "cuda")])
+@pytest.mark.parametrize("first", ["", "import jax; "])
+def test_commands_that_do_not_sweep_leave_a_gpu_alone(asked_for, used, first):
+    code = (
+        f"{first}from coopmm_jax import runtime; runtime.use_processor(); import jax; print(jax.config.jax_platforms)"
+    )
+    assert in_new_process(code, JAX_PLATFORMS=asked_for) == used

@@ -42,7 +42,7 @@ def add(commands: Subparsers) -> None:
     parser.add_argument("--resume", action="store_true", help="go on with STORE, and make it larger if N says so")
     add_overwrite(parser)
     parser.add_argument("--keep", metavar="K", type=int, default=64, help="keep time series of K samples (default 64)")
-    parser.add_argument("--batch", metavar="B", type=int, default=64, help="samples in one call (default 64)")
+    parser.add_argument("--batch", metavar="B", type=int, help="samples in one call (default: what suits the device)")
     parser.add_argument("--rank", metavar="R", type=int, help="number of this process, if several share STORE")
     parser.add_argument("--size", metavar="P", type=int, help="number of these processes")
     parser.add_argument("--coordinator", metavar="HOST:PORT", help="where they meet through jax.distributed")

@@ -9,6 +9,7 @@ array([ 0,  1,  4,  9, 16])
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import threading
@@ -21,6 +22,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import numpy as np
+
+from coopmm_jax.errors import UserError
+from coopmm_jax.sweeps.devices import AT_ONCE, on_its_own, suited
 
 Device: TypeAlias = Any  # a jax.Device, for which JAX has no class that type checkers know, or ``Elsewhere``
 _KEPT = 24  # executables
@@ -54,19 +58,26 @@ def run(program: Program, device: Device, elements: tuple[Any, ...], shared: tup
         device: to run on, or a slot elsewhere.
         elements: arguments that each batch element has its own of: pytrees of NumPy arrays (B, ...), () for all alike.
         shared: arguments that all have in common: pytrees of NumPy arrays.
+
+    Raises:
+        UserError: it does not fit into the device's memory.
     """
     if isinstance(device, Elsewhere):
         return device.run(program, elements, shared)
-    with jax.enable_x64(_double((elements, shared))):  # of this thread only
+    with jax.enable_x64(_double((elements, shared))), _fitting(device, elements):  # of this thread only
         executable = _executable(program, device, elements, shared)
         return jax.device_get(executable(*jax.device_put((*elements, *shared), device)))
 
 
 def prepare(program: Program, device: Device, elements: tuple[Any, ...], shared: tuple[Any, ...] = ()) -> None:
-    """Compile what ``run`` needs for arguments of these shapes; ``jax.ShapeDtypeStruct`` will do for an array."""
+    """Compile what ``run`` needs for arguments of these shapes; ``jax.ShapeDtypeStruct`` will do for an array.
+
+    Raises:
+        UserError: it does not fit into the device's memory.
+    """
     if isinstance(device, Elsewhere):
         return
-    with jax.enable_x64(_double((elements, shared))):
+    with jax.enable_x64(_double((elements, shared))), _fitting(device, elements):
         _executable(program, device, elements, shared)
 
 
@@ -84,23 +95,36 @@ def in_batches(compute: Callable[[Device, np.ndarray], Any], count: int, size: i
     def one(device: Device, start: int) -> None:
         found[start] = compute(device, np.minimum(np.arange(start, start + size), count - 1))
 
-    for _ in concurrently(one, starts, slots()):
+    for _ in concurrently(one, starts, slots(size)):
         pass
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *(found[start] for start in starts))
 
 
-def slots() -> list[Device]:
+def slots(size: int = 1) -> list[Device]:
     """Slots of ``engine.carried_by``, or else local devices, each as often as it should have batches in flight.
 
     A batch keeps one CPU core busy, so the CPU's devices get one thread for each core; another device gets two, so that
     it computes while the host writes.
+
+    Args:
+        size: of the batches, which says whether a GPU suits them.
     """
     if elsewhere.get():
         return list(elsewhere.get())
-    devices = jax.local_devices()
+    devices = suited(size)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    each = max(1, cores // len(devices)) if devices[0].platform == "cpu" else 2
-    return devices * each
+    return devices * (AT_ONCE if on_its_own(devices[0]) else max(1, cores // len(devices)))
+
+
+def place(device: Device, size: int) -> Device:
+    """Device for a batch of another size than the one that is on its way to ``device``."""
+    devices = suited(size)
+    return device if isinstance(device, Elsewhere) or device in devices else devices[0]
+
+
+def size_of(elements: tuple[Any, ...]) -> int:
+    """Number of a batch's elements."""
+    return max((leaf.shape[0] for leaf in jax.tree.leaves(elements) if leaf.shape), default=1)
 
 
 def concurrently(function: Callable[[Any, Any], Any], items: Iterable[Any], slots: list[Any]) -> Iterator[Any]:
@@ -128,6 +152,19 @@ def concurrently(function: Callable[[Any, Any], Any], items: Iterable[Any], slot
                 yield from (future.result() for future in done)
             pending.add(pool.submit(run, item))
         yield from (future.result() for future in as_completed(pending))
+
+
+@contextlib.contextmanager
+def _fitting(device: Device, elements: tuple[Any, ...]) -> Iterator[None]:
+    """Say in one line that a batch does not fit into a device's memory."""
+    try:
+        yield
+    except jax.errors.JaxRuntimeError as error:
+        if "RESOURCE_EXHAUSTED" not in str(error):
+            raise
+        must = f"small enough for the free memory of {device.device_kind}"
+        reason = str(error).partition("RESOURCE_EXHAUSTED")[2].lstrip(": ").partition("\n")[0].partition(" [")[0]
+        raise UserError("batch", must, f"{size_of(elements)} ({reason})") from None
 
 
 class _Compilation:

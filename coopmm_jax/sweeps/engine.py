@@ -29,7 +29,8 @@ from coopmm_jax import runtime
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import plugins, software
 from coopmm_jax.kinds.registry import find, kind_of
-from coopmm_jax.sweeps.batch import Elsewhere, Program, elsewhere, run
+from coopmm_jax.sweeps.batch import Elsewhere, Program, elsewhere, run, size_of
+from coopmm_jax.sweeps.devices import suited
 
 FIELD = "executor"
 _AHEAD = 2  # batches for each worker: one that it computes, one that waits for it
@@ -133,7 +134,7 @@ def work(order: Order) -> Any:
     if jax.config.values["jax_compilation_cache_dir"] is None:
         runtime.use_compilation_cache()
     program, elements, shared = pickle.loads(order.content)
-    return run(program, jax.local_devices()[0], elements, shared)
+    return run(program, suited(size_of(elements))[0], elements, shared)
 
 
 def _refusal(order: Order) -> _Refusal | None:

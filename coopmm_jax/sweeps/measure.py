@@ -100,6 +100,19 @@ def trace(structure: Structure, horizon: Horizon, device: Device, parameters: Pa
     return {name: np.where(lost, np.nan, series[name]) for name in SERIES}
 
 
+def kept_of_every_sample(structure: Structure, horizon: Horizon, parameters: Parameters, sentences: Sentences) -> int:
+    """Count of numbers that ``measure`` keeps of every sample of a rollout, for sentences that need all of them.
+
+    Args:
+        structure: static choices.
+        horizon: of the rollout.
+        parameters: scalars.
+        sentences: of the scenario's requirements.
+    """
+    gather = observer.observer(structure, parameters, horizon.step * horizon.steps, horizon.step, sentences)
+    return len(jax.tree.leaves(gather.kept(gather.start))) if gather.kept else 0
+
+
 def compile_ahead(
     structure: Structure,
     horizon: Horizon,

@@ -15,17 +15,18 @@ import operator
 import shutil
 import time
 from collections.abc import Iterator
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import jax
 import numpy as np
 from tqdm import tqdm
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
 from coopmm_jax.kinds.software import versions
-from coopmm_jax.memory import check_memory
+from coopmm_jax.parameters import Parameters, Structure
 from coopmm_jax.runtime import xla_options
 from coopmm_jax.scenario import plausible
 from coopmm_jax.scenario.feasible import check_reference
@@ -34,23 +35,23 @@ from coopmm_jax.scenario.scenario import Scenario, load_scenario
 from coopmm_jax.scenario.variation import Variation, vary
 from coopmm_jax.sweeps import measure
 from coopmm_jax.sweeps import store as sweep_store
-from coopmm_jax.sweeps.batch import concurrently, slots
+from coopmm_jax.sweeps.batch import Device, concurrently, place, slots
 from coopmm_jax.sweeps.contents import Contents, Labels
+from coopmm_jax.sweeps.devices import on_its_own
 from coopmm_jax.sweeps.engine import carried_by, naming
 from coopmm_jax.sweeps.measure import SERIES, Horizon
 from coopmm_jax.sweeps.processes import Share
+from coopmm_jax.sweeps.sizes import batch_size, check_sizes, memory_of_rollout, traced_together
 from coopmm_jax.sweeps.store import SweepStore
+from coopmm_jax.temporal_logic.sentence import Sentences
 
 if TYPE_CHECKING:
     import xarray
 
 SAMPLES = 1000
-BATCH = 64  # the batch size at which the CPU is fastest
 KEEP = 64
 LIMIT = 2**24  # samples; a noise stream's number is exact in float32 too
 ALONE = Share()
-# Memory at the peak [byte], measured over batches of 4096 and 16384: of a rollout, of each point that it keeps.
-_PER_ROLLOUT, _PER_POINT = 6000.0, 1000.0
 _PATIENCE = 300.0  # [s], for the process of rank 0 to make the store
 
 
@@ -62,15 +63,15 @@ def sweep(
     out: str | Path | None = None,
     resume: bool = False,
     keep: int = KEEP,
-    batch: int = BATCH,
+    batch: int | None = None,
     share: Share = ALONE,
     overwrite: bool = False,
     executor: Executor | None = None,
 ) -> xarray.Dataset:
-    """Simulate samples of a scenario with [uncertainty], on all cores or local devices.
+    """Simulate samples of a scenario with [uncertainty], on all cores, or on the GPUs that JAX finds.
 
-    A sample's bits depend on the scenario, the seed and its index alone: not on how many samples there are, on
-    interruptions, or on how many processes share the work.
+    A sample's bits depend on the scenario, the seed, its index and the device alone: not on how many samples there are,
+    on interruptions, or on how many processes share the work. A GPU's are those of a processor but for rounding.
 
     Args:
         scenario: a scenario, or the name or path of one.
@@ -80,7 +81,8 @@ def sweep(
         out: path of a zarr store, written batch by batch; without it everything stays in memory.
         resume: go on with the store at ``out``, if there is one, and make it larger if ``samples`` says so.
         keep: number of samples, the first ones, whose time series are kept.
-        batch: samples in one call of the compiled function; more than the default suits a GPU.
+        batch: samples in one call of the compiled function; by default that of the store to be resumed, or what suits
+            the device: 64 on a processor, up to 65,536 on a GPU, which is used from 4,096 on.
         share: this process's part of the work.
         overwrite: begin anew where there is a store at ``out``.
         executor: whose workers run the batches, see ``sweeps/engine.py``; left out, this process does.
@@ -98,16 +100,19 @@ def sweep(
     if seed is not None:
         scenario = scenario.with_overrides({"simulation.seed": seed})
     samples = None if samples is None else _count("samples", samples, 1)
-    keep, batch = _count("keep", keep, 0), _count("batch", batch, 1)
+    keep, batch = _count("keep", keep, 0), None if batch is None else _count("batch", batch, 1)
     variation = vary(scenario)
     if not variation.numbers:
         raise UserError("uncertainty", "a section that names what varies", "empty")
     points = sampler(sampling, scenario.simulation.seed, len(variation.draws))
-    contents = _contents(variation, sampling, keep, batch)
     path = None if out is None else resolve_path(out, "out")
+    begun = path if resume or share.rank > 0 else None
+    per_rollout = memory_of_rollout(variation, _horizon(scenario))
     with carried_by(executor):
-        places = slots()
-    _check_memory(contents, len(places), samples or SAMPLES, path)
+        batch = batch or batch_size(begun, samples or SAMPLES, per_rollout, share.size)
+        places = slots(batch)
+    contents = _contents(variation, sampling, keep, batch, places[0])
+    check_sizes(contents, places, samples or SAMPLES, per_rollout, stored=path is not None)
     plausible.warn_of(scenario)
     check_reference(scenario)
     if overwrite and path is not None and path.exists():
@@ -133,26 +138,6 @@ def _count(name: str, value: Any, least: int) -> int:
     return count
 
 
-def _check_memory(contents: Contents, places: int, samples: int, path: Path | None) -> None:
-    """Refuse batches, or a sweep without a store, that do not fit into memory.
-
-    Raises:
-        UserError: they do not.
-    """
-    points = len(contents.times) if contents.kept(samples) else 0
-    per_sample = _PER_ROLLOUT + _PER_POINT * points
-    check_memory(
-        places * contents.batch_size * per_sample,
-        "batch",
-        "smaller, or keep 0" if points else "smaller",
-        contents.batch_size,
-    )
-    if path is None:
-        columns = len(contents.parameters.names) + len(contents.metrics.names) + 2
-        series = contents.kept(samples) * points * len(contents.series.names)
-        check_memory(8.0 * (samples * columns + series), "samples", "fewer, or out given", samples)
-
-
 @contextlib.contextmanager
 def _going_again_if_empty(store: SweepStore, fresh: bool) -> Iterator[None]:
     """Remove a new store without a whole batch when something goes wrong, so that the same command can begin again."""
@@ -164,16 +149,19 @@ def _going_again_if_empty(store: SweepStore, fresh: bool) -> Iterator[None]:
         raise
 
 
-def _contents(variation: Variation, sampling: str, keep: int, batch: int) -> Contents:
+def _contents(variation: Variation, sampling: str, keep: int, batch: int, device: Device) -> Contents:
     """Contents of this sweep's store, and all that its bits depend on."""
     scenario, numbers = variation.scenario, variation.numbers
+    software = versions() | {"xla_flags": xla_options()}
+    if on_its_own(device):
+        software["device"] = device.device_kind
     return Contents(
         settings={
             "scenario": scenario.to_toml(),
             "sampling": sampling,
             "batch": batch,
             "keep": keep,
-            "versions": json.dumps(versions() | {"xla_flags": xla_options()}),
+            "versions": json.dumps(software),
         },
         parameters=Labels(*zip(*((n.name, n.unit, n.meaning) for n in numbers), strict=True)),
         metrics=Labels(
@@ -219,7 +207,7 @@ def _fill(
     batches = share.batches(store.batches)
     missing = [batch for batch in batches if not store.done(batch)]
     structure, horizon = variation.structure(), _horizon(variation.scenario)
-    sentences = variation.scenario.requirements.sentences()
+    sentences, together = variation.scenario.requirements.sentences(), traced_together(contents)
 
     def indices(batch: int) -> range:
         return range(batch * contents.batch_size, (batch + 1) * contents.batch_size)
@@ -232,10 +220,9 @@ def _fill(
         batch, at = item
         parameters = variation.batch(at, indices(batch))
         rows = {"parameters": np.stack(list(variation.values(at).values()), axis=1)}
+        kept = contents.kept(store.samples) - indices(batch)[0]
         with naming(f"samples {indices(batch)[0]} to {indices(batch)[-1]}"):
-            if indices(batch)[0] < contents.kept(store.samples):  # first, while another thread compiles what measures
-                rows |= measure.trace(structure, horizon, device, parameters)
-            rows |= measure.measure(structure, horizon, device, parameters, sentences)._asdict()
+            rows |= _results(structure, horizon, device, parameters, sentences, min(kept, len(at)), together)
         with _writing(store):
             store.write(batch, rows)
 
@@ -243,6 +230,35 @@ def _fill(
     with tqdm(total=len(batches) * contents.batch_size, initial=done, unit="sample", disable=None) as bar:
         for _ in concurrently(compute, drawn(), places):
             bar.update(contents.batch_size)
+
+
+def _results(
+    structure: Structure,
+    horizon: Horizon,
+    device: Device,
+    parameters: Parameters,
+    sentences: Sentences,
+    kept: int,
+    together: int,
+) -> dict[str, np.ndarray]:
+    """Metrics and status of a batch by name, and series of its first ``kept`` samples if that is not below one."""
+    if kept <= 0:
+        return measure.measure(structure, horizon, device, parameters, sentences)._asdict()
+    with ThreadPoolExecutor(1) as beside:  # one is compiled while the other is
+        series = beside.submit(_series, structure, horizon, device, parameters, kept, together)
+        return measure.measure(structure, horizon, device, parameters, sentences)._asdict() | series.result()
+
+
+def _series(
+    structure: Structure, horizon: Horizon, device: Device, parameters: Parameters, count: int, together: int
+) -> dict[str, np.ndarray]:
+    """Series of the first ``count`` samples of a batch, traced ``together`` at a time: they take much memory."""
+    own, parts = place(device, together), []
+    for start in range(0, count, together):
+        rows = np.minimum(np.arange(start, start + together), count - 1)  # always as many: their bits depend on it
+        chosen = jax.tree.map(lambda x, rows=rows: x[rows] if x.shape else x, parameters)
+        parts.append(measure.trace(structure, horizon, own, chosen))
+    return {name: np.concatenate([part[name] for part in parts]) for name in SERIES}
 
 
 @contextlib.contextmanager

@@ -264,10 +264,9 @@ def damaged(data: xarray.Dataset) -> list[str]:
 def failures(results: Results) -> list[tuple[int, str, float | None, list[str]]]:
     """Index, status, time [s] and broken requirements of samples without success; those not completed come first."""
     met = {requirement.short: results.met(requirement) for requirement in results.requirements}
-    rows = []
-    for i in np.flatnonzero(~np.logical_and.reduce([results.completed, *met.values()])):
-        time = float(results.status_time[i])
-        broken = [name for name, kept in met.items() if not kept[i]] if results.completed[i] else []
-        status = Status(int(results.status[i])).name
-        rows.append((int(results.index[i]), status, None if results.completed[i] else time, broken))
+    completed, rows = results.completed, []
+    for i in np.flatnonzero(~np.logical_and.reduce([completed, *met.values()])).tolist():
+        time = None if completed[i] else float(results.status_time[i])
+        broken = [name for name, kept in met.items() if not kept[i]] if completed[i] else []
+        rows.append((int(results.index[i]), Status(int(results.status[i])).name, time, broken))
     return sorted(rows, key=lambda row: row[1] == Status.OK.name)

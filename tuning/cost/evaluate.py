@@ -146,7 +146,9 @@ def compile_pairs(kind: Kind, objective: Any, samples: Samples, coefficients: in
     own, common = layout.split(samples.rows)
     sizes, dtype = (objective.space.size, own.shape[1], coefficients), np.dtype(precision)
     elements = tuple(jax.ShapeDtypeStruct((kind.size, size), dtype) for size in sizes)
-    prepare(kind.program(objective, layout), slots()[0], elements, (jax.ShapeDtypeStruct(common.shape, dtype),))
+    prepare(
+        kind.program(objective, layout), slots(kind.size)[0], elements, (jax.ShapeDtypeStruct(common.shape, dtype),)
+    )
 
 
 def sensitivities(

@@ -92,7 +92,9 @@ def stacked(rows: Sequence[tuple[Comparison, int]]) -> Comparison:
 def compile_ahead(problem: Problem) -> None:
     """Compile what ``compare`` runs but the costs."""
     parameters = _with_gains(problem, problem.start, problem.samples(0, 1), np.zeros(BATCH, int))
-    measure.compile_ahead(problem.variation.structure(), _horizon(problem), slots()[0], parameters, _sentences(problem))
+    measure.compile_ahead(
+        problem.variation.structure(), _horizon(problem), slots(BATCH)[0], parameters, _sentences(problem)
+    )
 
 
 def _sentences(problem: Problem) -> Sentences:
@@ -123,7 +125,7 @@ def _measured(problem: Problem, vector: np.ndarray, samples: Samples, horizon: H
 def _series(problem: Problem, vector: np.ndarray, samples: Samples, horizon: Horizon) -> dict[str, np.ndarray]:
     rows = np.minimum(np.arange(BANDS), len(samples) - 1)
     parameters = _with_gains(problem, vector, samples, rows)
-    found = measure.trace(problem.variation.structure(), horizon, slots()[0], parameters)
+    found = measure.trace(problem.variation.structure(), horizon, slots(BANDS)[0], parameters)
     return {name: values[: len(samples)] for name, values in found.items()}
 
 
