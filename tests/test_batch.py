@@ -1,5 +1,8 @@
 """Batches: full ones whatever the number of elements, one compilation for all threads, precision of the arguments."""
 
+import threading
+import time
+
 import jax
 import numpy as np
 import pytest
@@ -80,3 +83,15 @@ def test_an_exception_ends_the_work():
 
     with pytest.raises(ValueError, match=r"^0$"):
         list(concurrently(fail, range(10**9), [None]))
+
+
+def test_of_several_exceptions_the_first_items_is_raised():
+    both = threading.Barrier(2)
+
+    def fail(_, item):
+        both.wait(10.0)
+        time.sleep(0.05 * (1 - item))
+        raise ValueError(item)
+
+    with pytest.raises(ValueError, match=r"^0$"):
+        list(concurrently(fail, range(2), [None, None]))

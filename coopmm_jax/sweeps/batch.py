@@ -15,7 +15,7 @@ import os
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, as_completed, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextvars import ContextVar
 from queue import SimpleQueue
 from typing import Any, NamedTuple, TypeAlias
@@ -131,7 +131,7 @@ def concurrently(function: Callable[[Any, Any], Any], items: Iterable[Any], slot
     """Results of ``function(slot, item)`` for every item, one at a time in each slot, in the order in which they end.
 
     Items are taken only when a slot is free, so however many there are, few exist at a time. After an exception no
-    further item is taken, and it is raised when those under way have ended.
+    further item is taken, and it is raised when those under way have ended: the first item's, if several fail.
     """
     free: SimpleQueue = SimpleQueue()
     for slot in slots:
@@ -145,13 +145,23 @@ def concurrently(function: Callable[[Any, Any], Any], items: Iterable[Any], slot
             free.put(slot)
 
     with ThreadPoolExecutor(len(slots)) as pool:
-        pending: set = set()
+        pending: list[Future] = []
         for item in items:
             if len(pending) == len(slots):
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                yield from (future.result() for future in done)
-            pending.add(pool.submit(run, item))
-        yield from (future.result() for future in as_completed(pending))
+                yield from _ended(pending)
+            pending.append(pool.submit(run, item))
+        while pending:
+            yield from _ended(pending)
+
+
+def _ended(pending: list[Future]) -> list[Any]:
+    """Results of what has ended, which is taken off the list; of several exceptions the first item's is raised."""
+    done, _ = wait(pending, return_when=FIRST_COMPLETED)
+    if any(future.exception() for future in done):
+        done, _ = wait(pending)
+    ended = [future for future in pending if future in done]
+    pending[:] = [future for future in pending if future not in done]
+    return [future.result() for future in ended]
 
 
 @contextlib.contextmanager
