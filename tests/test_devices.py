@@ -88,7 +88,8 @@ def test_batches_are_as_large_as_a_gpu_has_memory(machine, per_rollout, size):
     assert devices.suitable_batch(10**6, per_rollout) == size
 
 
-def test_a_processor_gets_batches_of_64():
+def test_a_processor_gets_batches_of_64(monkeypatch):
+    monkeypatch.setattr(jax, "local_devices", lambda: [CPU])
     assert sizes.batch_size(None, 10**6, 6000.0, 1) == 64
 
 

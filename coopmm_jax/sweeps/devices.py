@@ -2,8 +2,8 @@
 
 A core of a processor is fastest with 64 rollouts at a time, which stay in its first-level cache. On a GPU a step takes
 as long for one rollout as for thousands: 0.22 ms for 1,024 on one H100, 0.24 for 4,096, 0.28 for 16,384, 0.60 for
-65,536 and 1.17 for 131,072 (``sensed``, float64, all metrics; two to three times that for the continuous loop of
-``paper_full``). So it gets batches of tens of thousands, and what comes in small ones is left to the processor beside
+65,536 and 1.17 for 131,072 (``sensed``, float64, all metrics; 1.6 to 2.5 times that for the continuous loop of
+``paper_full``; ``python -m experiments.benchmarks.accelerator --metrics``). So it gets batches of tens of thousands, and what comes in small ones is left to the processor beside
 it.
 
 >>> suited(1)[0].platform
@@ -19,7 +19,7 @@ from typing import Any
 import jax
 
 OF_A_CORE = 64
-LARGEST = 65536  # a larger batch brings 2 % (``sensed``) to 20 % (``paper_full``) more, for as much more memory
+LARGEST = 65536  # twice as large a batch does 2 % more per second (``sensed``) and takes twice the memory
 GRAIN = 16384  # a smaller batch ends at most a quarter sooner, and each other size is compiled anew
 LEAST = 4096  # of fewer rollouts a processor of a few cores does more per second
 AT_ONCE = 2  # batches on a device other than a processor: it computes one while the host writes the other
@@ -59,7 +59,7 @@ def suitable_batch(samples: int, per_rollout: float, processes: int = 1) -> int:
         per_rollout: memory of one [byte].
         processes: that share the sweep.
 
-    >>> suitable_batch(100_000, per_rollout=6000.0)
+    >>> suitable_batch(1000, per_rollout=6000.0)
     64
     """
     devices = jax.local_devices()
