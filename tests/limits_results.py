@@ -1,11 +1,10 @@
 """Gradients of a sampled loop's cost under torque limits, and central differences, for test_actuators.py."""
 
-import jax
 import jax.numpy as jnp
 
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.scenario.scenario import load_scenario
-from tests.gradient_results import central_differences, flat
+from tests.gradient_results import by_forward_mode, central_differences, forward_slopes
 
 LIMIT = {"wheel": 20.0, "joint": 4.0}  # [N m], low enough that much of the start is spent at them
 STEP, STEPS = 1e-3, 500
@@ -32,29 +31,24 @@ def limited_cost(form):
 
     def cost(gains):
         own = parameters._replace(gains=parameters.gains._replace(**gains))
-        return rollout(scenario.structure(), own, STEP, STEPS, Plan.gradient(STEPS), observer).total
+        return rollout(scenario.structure(), own, STEP, STEPS, Plan.batch(STEPS, STEPS + 1), observer).total
 
     return cost, {name: getattr(parameters.gains, name) for name in NAMES}
 
 
-def by_reverse_mode(form):
-    """Slopes by every gain, in reverse mode and by central differences."""
+def slopes(form):
+    """Slopes by every gain, in forward mode and by central differences."""
     cost, gains = limited_cost(form)
-    reverse = jax.jit(jax.value_and_grad(cost, has_aux=True))
-    (value, largest), gradient = reverse(gains)
-    central = central_differences(lambda x: reverse(x)[0][0], gains, RELATIVE_STEP)
-    return {"cost": float(value), "largest": float(largest), "gradient": flat(gradient), "central": central}
-
-
-def by_forward_mode(form):
-    """One slope along all gains as they are, by forward mode, which compiles in a quarter of the time."""
-    cost, gains = limited_cost(form)
-    forward = jax.jit(lambda scale: jax.jvp(lambda s: cost(jax.tree.map(lambda x: s * x, gains)), (scale,), (1.0,)))
-    (value, largest), (slope, _) = forward(1.0)
-    central = central_differences(lambda x: forward(x["scale"])[0][0], {"scale": 1.0}, RELATIVE_STEP)
-    return {"cost": float(value), "largest": float(largest), "gradient": [float(slope)], "central": central}
+    forward = by_forward_mode(cost)
+    value, largest = forward(gains, gains)[0]
+    return {
+        "cost": float(value),
+        "largest": float(largest),
+        "gradient": [slope for slope, _ in forward_slopes(forward, gains)],
+        "central": central_differences(lambda x: forward(x, gains)[0][0], gains, RELATIVE_STEP),
+    }
 
 
 def results():
     """Slopes and costs under each form of limits."""
-    return {"hard": by_forward_mode("hard"), "smooth": by_reverse_mode("smooth")}
+    return {form: slopes(form) for form in ("hard", "smooth")}

@@ -2,13 +2,12 @@
 
 import functools
 
-import jax
 import jax.numpy as jnp
 
 from coopmm_jax.kinds.surfaces import Conic
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.parameters import Gains, Hardware, Parameters, Plant, Structure, Surface
-from tests.gradient_results import central_differences, flat
+from tests.gradient_results import by_forward_mode, central_differences, forward_slopes
 
 STEP, STEPS = 1e-3, 350
 NUMBERS = {"curvature_n": 1.3, "curvature_e": 1.1, "penetration": 1e-3, "damping": 2.0, "K_lambda": 0.3}
@@ -33,11 +32,10 @@ def cost(numbers, steps, plan):
 
 def results():
     """The slopes by each of NUMBERS, sorted, and central differences: before the tip lifts off, and landed."""
-    plan = Plan.gradient(STEPS)
-    reverse = jax.jit(jax.grad(lambda x, steps: cost(x, steps, plan)))
-    value = jax.jit(lambda x, steps: cost(x, steps, plan))
+    forward = by_forward_mode(lambda x, steps: cost(x, steps, Plan.gradient(STEPS)))
     found = {}
     for name, steps, change in (("pressed", 150, 1e-4), ("landed", STEPS, 1e-5)):  # an impact is far from linear
-        found[name] = flat(reverse(NUMBERS, steps))
-        found[f"{name}_central"] = central_differences(functools.partial(value, steps=steps), NUMBERS, change)
+        found[name] = forward_slopes(forward, NUMBERS, steps)
+        value = functools.partial(lambda steps, x: forward(x, NUMBERS, steps)[0], steps)
+        found[f"{name}_central"] = central_differences(value, NUMBERS, change)
     return found

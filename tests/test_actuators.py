@@ -64,10 +64,10 @@ def limited_loops():
     return limits_results.results()
 
 
-@pytest.mark.parametrize(("form", "numbers"), [("hard", 1), ("smooth", 4 + 4 + 6 + 1)])
-def test_gradients_through_limits_are_those_of_central_differences(limited_loops, form, numbers):
+@pytest.mark.parametrize("form", ["hard", "smooth"])
+def test_gradients_through_limits_are_those_of_central_differences(limited_loops, form):
     gradient, central = (np.array(limited_loops[form][name]) for name in ("gradient", "central"))
-    assert gradient.shape == (numbers,)
+    assert gradient.shape == (4 + 4 + 6 + 1,)
     assert np.all(gradient != 0)
     np.testing.assert_allclose(gradient, central, rtol=5e-5)
 

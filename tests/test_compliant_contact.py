@@ -185,6 +185,6 @@ def test_the_papers_own_law_loses_the_contact_for_good(programs):
 
 @pytest.mark.parametrize(("part", "tolerance"), [("pressed", 2e-5), ("landed", 5e-6)])
 def test_gradients_by_surface_and_contact(slopes, part, tolerance):
-    """Reverse mode against central differences, which lose digits to the smallest slopes and across the landing."""
+    """Forward mode against central differences, which lose digits to the smallest slopes and across the landing."""
     np.testing.assert_allclose(slopes[part], slopes[f"{part}_central"], rtol=tolerance)
     assert np.all(slopes[part] != 0.0)

@@ -1,5 +1,7 @@
 """Readings of the force sensor, and gains for which the force loop around it is stable."""
 
+import functools
+
 import jax
 import numpy as np
 import pytest
@@ -12,11 +14,11 @@ from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import Features, Hardware, Parameters, Structure
 from coopmm_jax.scenario.scenario import load_scenario
-from tests.runs_apart import runs_apart
+from tests.programs import Program
 
 PERIOD = 1e-4  # short, so that the robots hardly move while torques are held
 LAG = 5e-4
-KEEP = np.exp(-PERIOD / LAG)
+KEEP = float(np.exp(-PERIOD / LAG))
 DELAYED = Structure(substeps=1, force_delay=1)
 SENSED = load_scenario("sensed").structure()
 
@@ -92,7 +94,7 @@ LOOPS = {  # name -> structure, force lag [s], gain, factor of the force's error
         }.items()
     },
 }
-STEPS = 300
+STEPS, LONG = 300, 500
 LATE = 3  # samples
 
 
@@ -100,14 +102,15 @@ LATE = 3  # samples
 def runs():
     """`sensed` by its delay, and each of LOOPS with a desired contact force of 15 and of 16 N and no integral gain."""
     paper, sensed = Parameters(), load_scenario("sensed").parameters()
-    jobs = {0: (SENSED, sensed, 1e-3, 500), LATE: (SENSED._replace(force_delay=LATE), sensed, 1e-3, 500)}
+    jobs = {0: (SENSED, sensed, 1e-3, LONG), LATE: (SENSED._replace(force_delay=LATE), sensed, 1e-3, LONG)}
     for name, (structure, lag, gain, _) in LOOPS.items():
         gains = paper.gains._replace(K_lambda=(gain,) * 4, K_I=(0.0,) * 4)
         for wanted in (15.0, 16.0):
             reference = paper.reference._replace(contact_force=wanted)
             parameters = paper._replace(gains=gains, reference=reference, hardware=Hardware(force_lag=lag))
             jobs[name, wanted] = (structure, parameters, PERIOD, STEPS)
-    return runs_apart(jobs)
+    programs = functools.cache(lambda structure: Program(structure, LONG))
+    return {name: programs(structure)(*job) for name, (structure, *job) in jobs.items()}
 
 
 @pytest.mark.parametrize("delay", [0, LATE])

@@ -118,6 +118,7 @@ def tip_friction(plant: Plant, hardware: Hardware, q: jax.Array, u: jax.Array, n
     return -hardware.tip_friction * jnp.abs(normal) * _fading_sign(speed, hardware.slip_speed) * row
 
 
+@jax.jit
 def surface_rates(plant: Plant, hardware: Hardware, t: Scalar, q: jax.Array) -> tuple[jax.Array, jax.Array]:
     """First and second partial time derivative of the normal row's phi [m/s, m/s^2]."""
     p1, p2 = (lagrangian.bodies(geometry, q_i).tip[:2] for geometry, q_i in zip(plant.geometry, q, strict=True))
@@ -133,6 +134,7 @@ def surface_rates(plant: Plant, hardware: Hardware, t: Scalar, q: jax.Array) -> 
     return rate(t), jax.grad(rate)(t)
 
 
+@jax.jit
 def surface_acceleration(plant: Plant, hardware: Hardware, t: Scalar, q: jax.Array, u: jax.Array) -> jax.Array:
     """Share of the surface's motion in d2phi/dt2 of the normal row [m/s^2]: phi_tt + 2 phi_tq qdot."""
     q_dot = jnp.stack([lagrangian.chained_basis(q_i) @ u_i for q_i, u_i in zip(q, u.reshape(2, 5), strict=True)])
@@ -140,6 +142,7 @@ def surface_acceleration(plant: Plant, hardware: Hardware, t: Scalar, q: jax.Arr
     return surface_rates(plant, hardware, t, q)[1] + 2.0 * mixed
 
 
+@jax.jit
 def driving_force(
     parameters: Parameters, t: Scalar, q: jax.Array, u: jax.Array, torque: jax.Array, normal: Scalar
 ) -> jax.Array:
