@@ -3,8 +3,8 @@
 A core of a processor is fastest with 64 rollouts at a time, which stay in its first-level cache. On a GPU a step takes
 as long for one rollout as for thousands: 0.22 ms for 1,024 on one H100, 0.24 for 4,096, 0.28 for 16,384, 0.60 for
 65,536 and 1.17 for 131,072 (``sensed``, float64, all metrics; 1.6 to 2.5 times that for the continuous loop of
-``paper_full``; ``python -m experiments.benchmarks.accelerator --metrics``). So it gets batches of tens of thousands, and what comes in small ones is left to the processor beside
-it.
+``paper_full``; ``python -m experiments.benchmarks.accelerator --metrics``). So it gets batches of tens of thousands,
+and what comes in small ones is left to the processor beside it.
 
 >>> suited(1)[0].platform
 'cpu'
