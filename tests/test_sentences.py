@@ -16,7 +16,7 @@ from coopmm_jax.temporal_logic.sentence import signals_of
 from tests.oracles import temporal_logic
 
 COUNT, LAST, STEP = 14, 11, 0.5  # samples that there is room for, the last of the run, [s]
-RANDOM = 1000
+RANDOM = 400
 
 
 def drawn(seed, count):

@@ -1,6 +1,9 @@
 """Platforms on two axles against energies and MuJoCo: inertia, bias, actuators, chained form, coupling, sensors."""
 
+from functools import partial
+
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -36,12 +39,14 @@ def robot(seed):
 
 
 def position_of(geometry, q):
-    return robot_kinematics.standing(geometry, Pose(*q[oracle.REST].tolist(), steer=float(q[3])), 0.0)
+    return robot_kinematics.standing(geometry, Pose(*q[oracle.REST], steer=q[3]), 0.0)
 
 
-def equation_of_motion(geometry, inertia, position, u):
-    """M (5, 5) and h (5,), as the simulator's inverse dynamics has them."""
-    arm, velocity = robot_kinematics.posture(geometry, position), tuple(u)
+@jax.jit
+def forces(geometry, inertia, q, u):
+    """Those that the simulator's inverse dynamics asks for (5, 6), at rest and for one unit of each acceleration."""
+    position, velocity = position_of(geometry, q), tuple(u)
+    arm = robot_kinematics.posture(geometry, position)
     T = robot_kinematics.body_map(geometry, position)
     T_rate = robot_kinematics.body_map_rate(geometry, position, velocity)
     terms = robot_dynamics.dynamics(
@@ -51,14 +56,19 @@ def equation_of_motion(geometry, inertia, position, u):
         T_rate,
         two_axles.front_motion(geometry.front, position, velocity),
     )
-    at_rest = vector(robot_dynamics.inverse_dynamics(terms, (0.0,) * 5))
-    return linear_map(lambda a: vector(robot_dynamics.inverse_dynamics(terms, a)), 5) - at_rest[:, None], at_rest
+    return jnp.stack(robot_dynamics.inverse_dynamics(terms, tuple(np.eye(5, 6, 1))))
+
+
+def equation_of_motion(geometry, inertia, q, u):
+    """M (5, 5) and h (5,)."""
+    found = np.asarray(forces(geometry, inertia, q, u))
+    return found[:, 1:] - found[:, :1], found[:, 0]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_equation_of_motion_is_that_of_energies_and_mujocos(seed):
     geometry, inertia, q, u = robot(seed)
-    M, h = equation_of_motion(geometry, inertia, position_of(geometry, q), u)
+    M, h = equation_of_motion(geometry, inertia, q, u)
     M_energy, C_energy, G_energy = map(np.asarray, oracle.chained_terms(geometry, inertia, GRAVITY, q, u))
     assert_close(M, M_energy, 1e-13)
     assert_close(h, C_energy @ u + G_energy, 1e-12)
@@ -72,10 +82,10 @@ def test_equation_of_motion_is_that_of_energies_and_mujocos(seed):
 @pytest.mark.parametrize("seed", [*SEEDS[:4], *POLAR])
 def test_rate_of_inertia_less_twice_coriolis_is_skew(seed):
     geometry, inertia, q, u = robot(seed)
-    q_dot = np.asarray(oracle.chained_basis(geometry, q) @ u)
+    q_dot = np.asarray(oracle.chained_basis(geometry, q)) @ u
     step = 1e-4 / max(1.0, np.abs(q_dot).max() / 4.0)
     around = [
-        w * equation_of_motion(geometry, inertia, position_of(geometry, q + k * step * q_dot), u)[0]
+        w * equation_of_motion(geometry, inertia, q + k * step * q_dot, u)[0]
         for k, w in ((-2, 1), (-1, -8), (1, 8), (2, -1))
     ]
     _, C, _ = map(np.asarray, oracle.chained_terms(geometry, inertia, GRAVITY, q, u))
@@ -88,9 +98,7 @@ def test_chained_form_steering_and_actuators(seed):
     geometry, _, q, u = robot(seed)
     position = position_of(geometry, q)
     assert isinstance(position, LongPosition)
-    z, z_dot = jax.jvp(
-        lambda q: oracle.chained(geometry, q), (q,), (np.asarray(oracle.chained_basis(geometry, q) @ u),)
-    )
+    z, z_dot = jax.jvp(partial(oracle.chained, geometry), (q,), (np.asarray(oracle.chained_basis(geometry, q)) @ u,))
     assert_close(vector(position)[:4], z, 1e-14)
     assert_close(vector(robot_kinematics.position_rates(position, tuple(u)))[:4], z_dot, 1e-12)
     assert float(two_axles.steering(geometry.front, position)) == pytest.approx(q[3], rel=1e-13)
@@ -141,7 +149,7 @@ def test_power_balance_of_trailer_and_car():
     gained = power = 0.0
     for i in range(2):
         u, u_dot = vector(k.velocity[i]), vector(moved.full[i])
-        q_dot = np.asarray(oracle.chained_basis(plant.geometry[i], q[i]) @ u)
+        q_dot = np.asarray(oracle.chained_basis(plant.geometry[i], q[i])) @ u
         about = (plant.geometry[i], plant.inertia[i], GRAVITY)
         gained += float(jax.jvp(lambda q, u, about=about: oracle.energy(*about, q, u), (q[i], u), (q_dot, u_dot))[1])
         power += float(u @ vector(force[i]))

@@ -40,6 +40,7 @@ def kinetic_energy(geometry: Geometry, inertia: Inertia, q, q_dot):
     return lagrangian.kinetic_energy(geometry, inertia, q[REST], q_dot[REST]) + 0.5 * ahead
 
 
+@jax.jit
 def chained(geometry: Geometry, q):
     """(z1, ..., z4) (4,), lengths in the platform's unit; about the origin in the chart that is polar."""
     if geometry.front.chart is not None:
@@ -58,6 +59,7 @@ def rolling_basis(geometry: Geometry, q):
     return R.at[jnp.arange(3, 7), jnp.arange(1, 5)].set(1.0)
 
 
+@jax.jit
 def chained_basis(geometry: Geometry, q):
     """S (7, 5): q_dot = S u with u = (z1dot, z4dot, a1dot, a2dot, a3dot)."""
     R = rolling_basis(geometry, q)
@@ -104,6 +106,29 @@ def input_matrix(geometry: Geometry, q):
     return jax.jacobian(actuator_rates)(jnp.zeros(5)).T
 
 
+# The tree's joints: x, y, th, both rear wheels, the arm's three, then phi and both front wheels.
+_ORDER, _OWN = np.array([0, 1, 2, 5, 6, 7, 8]), np.array([0, 1, 2, 4, 5, 6, 3])
+
+
+def _tree_basis(geometry: Geometry, count: int, q):
+    """S (count, 5) of the velocities of the tree's joints."""
+    front = geometry.front
+    S = chained_basis(geometry, q)
+    _, axle = jax.vmap(lambda v: jax.jvp(lambda q: q[:2] + front.wheelbase * forward(q[2]), (q,), (v,)), 1)(S)
+    rear, rolling = S[:2].T @ forward(q[2]), axle @ forward(q[2] + q[3])
+    spin = [(rear + s * geometry.l * S[2]) / geometry.r for s in (1, -1)]
+    spin += [(rolling + s * front.l_f * (S[2] + S[3])) / front.r_f for s in (1, -1)]
+    tree = jnp.zeros((count, 5)).at[_ORDER].set(S[_OWN])
+    return tree.at[jnp.array([3, 4, 9, 10])].set(jnp.stack(spin))
+
+
+@partial(jax.jit, static_argnums=1)
+def _tree_motion(geometry: Geometry, count: int, q, u):
+    """S and Sdot u of the tree."""
+    S, S_dot = jax.jvp(partial(_tree_basis, geometry, count), (q,), (chained_basis(geometry, q) @ u,))
+    return S, S_dot @ u
+
+
 def mujoco_terms(geometry: Geometry, inertia: Inertia, gravity: float, q, u):
     """M_u (5, 5) and h_u (5,) of MuJoCo's tree, gravity in h_u."""
     front, own = geometry.front, inertia.front
@@ -119,25 +144,11 @@ def mujoco_terms(geometry: Geometry, inertia: Inertia, gravity: float, q, u):
     for side in (1, -1):
         mujoco_tree.add_wheel(ahead, side * front.l_f, own.I_wf)
     model = spec.compile()
-    # The tree's joints: x, y, th, both rear wheels, the arm's three, then phi and both front wheels.
-    order = np.array([0, 1, 2, 5, 6, 7, 8])
-    own_q = np.array([0, 1, 2, 4, 5, 6, 3])
-
-    def full_basis(q):
-        S = chained_basis(geometry, q)
-        _, axle = jax.vmap(lambda v: jax.jvp(lambda q: q[:2] + front.wheelbase * forward(q[2]), (q,), (v,)), 1)(S)
-        rear, rolling = S[:2].T @ forward(q[2]), axle @ forward(q[2] + q[3])
-        spin = [(rear + s * geometry.l * S[2]) / geometry.r for s in (1, -1)]
-        spin += [(rolling + s * front.l_f * (S[2] + S[3])) / front.r_f for s in (1, -1)]
-        tree = jnp.zeros((model.nv, 5)).at[order].set(S[own_q])
-        return tree.at[jnp.array([3, 4, 9, 10])].set(jnp.stack(spin))
-
-    S, S_dot = jax.jvp(full_basis, (q,), (chained_basis(geometry, q) @ u,))
-    S, S_dot = np.asarray(S), np.asarray(S_dot)
+    S, S_dot_u = map(np.asarray, _tree_motion(geometry, model.nv, q, u))
     data = mujoco.MjData(model)
-    data.qpos[order] = np.asarray(q)[own_q]
+    data.qpos[_ORDER] = np.asarray(q)[_OWN]
     data.qvel[:] = S @ u
     mujoco.mj_forward(model, data)
     M = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, M)
-    return S.T @ M @ S, S.T @ (M @ S_dot @ u + data.qfrc_bias)
+    return S.T @ M @ S, S.T @ (M @ S_dot_u + data.qfrc_bias)

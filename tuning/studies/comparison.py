@@ -138,31 +138,36 @@ class Change(NamedTuple):
     high: float
 
 
-def ratio(values: np.ndarray, statistic: Callable[[np.ndarray], float] = np.mean, seed: int = 0) -> Change:
+Statistic = Callable[[np.ndarray], np.ndarray]  # of values (..., N), along the last axis
+mean: Statistic = partial(np.mean, axis=-1)
+
+
+def ratio(values: np.ndarray, statistic: Statistic = mean, seed: int = 0) -> Change:
     """Change of a statistic of paired values (2, N).
 
     >>> ratio(np.array([[2.0, 4.0], [1.0, 2.0]]))
     Change(before=3.0, after=1.5, low=0.5, high=0.5)
     """
     draws = np.random.default_rng(seed).integers(values.shape[1], size=(BOOTSTRAPS, values.shape[1]))
-    before, after = (np.array([statistic(row[draw]) for draw in draws]) for row in values)
+    blocks = np.array_split(draws, 20)  # so that what is drawn never takes much memory
+    before, after = (np.concatenate([statistic(row[block]) for block in blocks]) for row in values)
     ratios = after / np.maximum(before, 1e-300)
     low, high = np.quantile(ratios, [0.025, 0.975])
     return Change(float(statistic(values[0])), float(statistic(values[1])), float(low), float(high))
 
 
-def tail_mean(costs: np.ndarray, level: float) -> float:
-    """Mean of the worst (1 - level) N of costs (N,): the conditional value at risk.
+def tail_mean(costs: np.ndarray, level: float) -> np.ndarray:
+    """Mean of the worst (1 - level) N of costs (..., N): the conditional value at risk.
 
-    >>> tail_mean(np.arange(10.0), 0.8)
+    >>> float(tail_mean(np.arange(10.0), 0.8))
     8.5
     """
-    return float(np.sum(np.sort(costs)[::-1] * tail_shares(len(costs), level)))
+    return np.sum(np.sort(costs)[..., ::-1] * tail_shares(costs.shape[-1], level), axis=-1)
 
 
 # What tables say of the costs of many samples, by name.
-STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
-    "cost, mean": np.mean,
+STATISTICS: dict[str, Statistic] = {
+    "cost, mean": mean,
     "cost, CVaR(0.9)": partial(tail_mean, level=0.9),
-    "cost, worst": np.max,
+    "cost, worst": partial(np.max, axis=-1),
 }
