@@ -15,13 +15,15 @@ demo: $(VENV)/.installed
 	$(BIN)/python -m experiments.reproduce_paper --out results/paper
 	$(BIN)/coopmm tune sensed --tuning.budget 60 --out results/demo --overwrite
 
-# Two workers, each keeping whole files, so that a file's compiled functions are shared by its tests.
+# Two workers, each keeping whole files, so that a file's compiled functions are shared by its tests. Python's own
+# compiled files are written even where the environment asks for none: compiling what is imported takes each of some
+# sixty processes 5 s.
 test: $(VENV)/.installed-test
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check --quiet
 	$(BIN)/lint-imports --no-logo --no-cache
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # The site in build/site: notebooks are run at full size, which takes minutes, and again only after they have changed.
 NOTEBOOKS := $(patsubst experiments/notebooks/%,build/notebooks/%,$(wildcard experiments/notebooks/*.ipynb))

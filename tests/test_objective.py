@@ -34,12 +34,11 @@ def test_a_lane_has_the_same_bits_alone_and_among_others(results):
     assert results["alone"] == results["among"]
 
 
-def test_gradient_at_the_knots_of_gains_that_change(results):
-    exact, central, names = results["at_knots"]
-    assert len(exact) == 12
-    assert names[2] == "k2@t=0"
-    np.testing.assert_allclose(exact, central, rtol=1e-6, atol=1e-7 * np.abs(exact).max())
-    assert all(np.abs(exact) > 0.0)
+def test_slope_by_knots_of_gains_that_change(results):
+    assert len(results["knots"]) == 12
+    assert results["knots"][2] == "k2@t=0"
+    slope, central = results["along_knots"]
+    np.testing.assert_allclose(slope, central, rtol=1e-6)
 
 
 def test_float32_has_the_terms_of_float64_to_a_thousandth(results):
@@ -47,4 +46,5 @@ def test_float32_has_the_terms_of_float64_to_a_thousandth(results):
 
 
 def test_the_plain_function_is_the_one_that_is_tuned(results):
-    np.testing.assert_allclose(results["plain"], results["alone"][0], rtol=1e-12)
+    plain, tuned = results["plain"]
+    np.testing.assert_allclose(plain, tuned, rtol=1e-12)

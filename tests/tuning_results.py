@@ -41,14 +41,11 @@ def results():
     others = np.concatenate([start + 0.1 * np.random.default_rng(0).normal(size=(8, space.size)), start[None]])
     weightings = np.outer([*np.linspace(0.1, 5.0, 8), 1.0], search.coefficients)  # one for each candidate
     among, slopes = evaluate.gradients(search.objective, others, samples, weightings)
-    parameters = jax.tree.unflatten(samples.structure, list(jnp.asarray(samples.rows.T)))
-    plain = jax.jit(jax.vmap(search.objective.cost, in_axes=(None, 0, None)))(start, parameters, search.coefficients)
     found = {
         "gradient": gradients[0].tolist(),
         "central": ((ahead - behind) / (2.0 * STEP)).T.tolist(),
         "alone": [costs[0].tolist(), gradients[0].tolist()],
         "among": [among[8].tolist(), slopes[8].tolist()],
-        "plain": plain.tolist(),
         "names": space.labels(),
         "terms": evaluate.evaluate(search.objective, start[None], samples).terms[0].tolist(),
         "single": evaluate.evaluate(search.objective, start[None], samples, "float32").terms[0].tolist(),
@@ -57,11 +54,23 @@ def results():
 
 
 def _over_time():
-    """Gradient and central differences (n,) of gains at their knots."""
+    """Slope along one direction of gains at their knots, by forward mode of the plain cost and by a difference."""
     problem = build_problem(load_scenario("sensed", **SCENARIO).with_overrides(KNOTS))
-    start, samples = problem.start, problem.samples(5, 2)
-    step = 0.1 * STEP  # limits begin and end at a sample, which puts bends on the cost
-    moved = np.concatenate([start[None], *(start + sign * step * np.eye(start.size) for sign in (1, -1))])
-    costs, gradients = problem.slopes(moved, samples)
-    ahead, behind = np.split(costs[1:], 2)
-    return {"at_knots": [gradients[0].tolist(), ((ahead - behind) / (2.0 * step)).tolist(), problem.names]}
+    cost, start, samples = problem.cost, problem.start, problem.samples(5, 2)
+    direction = np.random.default_rng(1).normal(size=start.size)
+    parameters = jax.tree.unflatten(samples.structure, list(jnp.asarray(samples.rows.T)))
+
+    @jax.jit
+    def along(vector):
+        of_each = jax.vmap(cost.objective.cost, in_axes=(None, 0, None))
+        return jax.jvp(lambda x: of_each(x, parameters, cost.coefficients), (vector,), (direction,))
+
+    plain, slopes = along(start)
+    step = 0.01 * STEP  # limits begin and end at a sample, which puts bends on the cost
+    moved = start + step * np.array([[0.0], [1.0], [-1.0]]) * direction
+    costs = evaluate.evaluate(cost.objective, moved, samples).costs(cost.coefficients)
+    return {
+        "plain": [plain.tolist(), costs[0].tolist()],
+        "along_knots": [slopes.tolist(), ((costs[1] - costs[2]) / (2.0 * step)).tolist()],
+        "knots": problem.names,
+    }
