@@ -55,6 +55,12 @@ def programs():
 
 
 @pytest.fixture(scope="session")
+def short_programs():
+    """As ``programs``, for 1000 steps at most."""
+    return functools.cache(functools.partial(Program, room=1000))
+
+
+@pytest.fixture(scope="session")
 def paper_run(programs):
     """The paper's 20 s with the law as in the paper."""
     return programs(Structure())(Parameters())

@@ -32,10 +32,12 @@ class Program:
             self.traces += 1
             return rollout(structure, parameters, step, steps, Plan.batch(room), record=True)
 
+        self.room = room
         self.traces = 0  # how often JAX has traced the rollout: once per compilation
         self._run = jax.jit(run)
 
-    def __call__(self, parameters, step=1e-3, steps=STEPS):
+    def __call__(self, parameters, step=1e-3, steps=None):
+        steps = self.room if steps is None else steps
         result = jax.device_get(self._run(parameters, step, steps))
         t, signals = jax.tree.map(lambda x: x[: steps + 1], result.record)
         return Run(result.state, result.health, t, signals)

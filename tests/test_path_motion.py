@@ -77,24 +77,24 @@ def test_desired_motion_on_the_ellipse():
     assert_figures([*one[:6]], [0.901931, 2.113348, -0.499097, 1.060837, 0.064398, -0.580816])
 
 
-def test_projected_law_moves_the_same_and_pulls(programs):
-    run = programs(Structure())(ellipse(), steps=1000)
+def test_projected_law_moves_the_same_and_pulls(short_programs):
+    run = short_programs(Structure())(ellipse())
     assert_figures(coordinates(run), ON_THE_ELLIPSE)
     assert_figures(forces(run), [44.905342, -2.617624, 67.380666, -12.304889])
     assert run.signals.constraint_force[0].min() == pytest.approx(-186, abs=0.5)
 
 
-def test_moving_guide(programs):
-    run = programs(FULL)(ellipse("moving"), steps=1000)
+def test_moving_guide(short_programs):
+    run = short_programs(FULL)(ellipse("moving"))
     assert_figures(coordinates(run)[0, :4], [0.907880, 2.121532, -0.512494, 1.297607])
     assert_figures(forces(run), [19.531240, 0.039170, -0.091095, 0.090293])
     assert max(np.abs(phi).max() for phi in run.signals.constraint_residual) < 1e-11
 
 
-def test_free_object(programs):
+def test_free_object(short_programs):
     gains = Gains(delta_floor=0.1, K_sigma=(0.5,) * 9, K_lambda=(0.3,), K_I=(1.5,))
     start = ellipse("free", away=0.05)._replace(gains=gains)
-    run = programs(FULL._replace(rows=("contact_normal",)))(start, steps=1000)
+    run = short_programs(FULL._replace(rows=("contact_normal",)))(start)
     assert_figures(coordinates(run)[0], [0.904677, 2.117298, -0.505915, 1.295563, -0.796942, 1.598500])
     assert_figures(forces(run), [19.548342])
 
@@ -135,8 +135,8 @@ def test_eight_over_its_crossing(along_the_eight):
     assert max(np.abs(phi).max() for phi in run.signals.constraint_residual) < 2e-8
 
 
-def test_path_and_rail_along_a_circle_are_the_circle(programs, paper_run):
-    run = programs(Structure())(circle(), steps=1000)
+def test_path_and_rail_along_a_circle_are_the_circle(short_programs, paper_run):
+    run = short_programs(Structure())(circle())
     assert_figures(coordinates(run), coordinates(paper_run))
     np.testing.assert_allclose(forces(run), forces(paper_run), rtol=1e-9)
 

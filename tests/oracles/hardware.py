@@ -91,6 +91,7 @@ def plant_now(plant: Plant, hardware: Hardware, t: Scalar) -> Plant:
     return plant._replace(surface=plant.surface._replace(shape=Moved(plant.surface.shape, shift)))
 
 
+@jax.jit
 def sliding_speed(plant: Plant, q: jax.Array, u: jax.Array) -> jax.Array:
     """Speed of tip I against the object's surface, which turns with arm II, along the arc [m/s].
 
@@ -114,7 +115,7 @@ def sliding_speed(plant: Plant, q: jax.Array, u: jax.Array) -> jax.Array:
 
 def tip_friction(plant: Plant, hardware: Hardware, q: jax.Array, u: jax.Array, normal: Scalar) -> jax.Array:
     """Generalised force (10,) of Coulomb friction under the normal force lambda_n [N]."""
-    speed, row = jax.value_and_grad(lambda u: sliding_speed(plant, q, u))(u)
+    speed, row = sliding_row(plant, q, u)
     return -hardware.tip_friction * jnp.abs(normal) * _fading_sign(speed, hardware.slip_speed) * row
 
 
@@ -171,6 +172,19 @@ def energy(plant: Plant, q: jax.Array, u: jax.Array) -> jax.Array:
     """Kinetic and potential energy of both robots and the object [J]."""
     terms = zip(plant.geometry, plant.inertia, q, u.reshape(2, 5), strict=True)
     return sum(lagrangian.energy(geometry, inertia, plant.gravity, q_i, u_i) for geometry, inertia, q_i, u_i in terms)
+
+
+@jax.jit
+def energy_rate(plant: Plant, q: jax.Array, u: jax.Array, u_dot: jax.Array) -> jax.Array:
+    """Rate of ``energy`` [W] of robots that move with u (10,) and udot (10,)."""
+    q_dot = jnp.stack([lagrangian.chained_basis(q_i) @ u_i for q_i, u_i in zip(q, u.reshape(2, 5), strict=True)])
+    return jax.jvp(lambda q, u: energy(plant, q, u), (q, u), (q_dot, u_dot))[1]
+
+
+@jax.jit
+def sliding_row(plant: Plant, q: jax.Array, u: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Speed of tip I along the surface [m/s], and its derivatives by u (10,)."""
+    return jax.value_and_grad(lambda u: sliding_speed(plant, q, u))(u)
 
 
 def constraint_residual(

@@ -138,6 +138,7 @@ def chained_velocity_map(q: jax.Array) -> jax.Array:
     return jnp.eye(5).at[0, 0].set(z2).at[0, 1].set(1.0).at[1, 0].set(1.0).at[1, 1].set(0.0)
 
 
+@jax.jit
 def chained_basis(q: jax.Array) -> jax.Array:
     """R(q) T(q) (6, 5): qdot = R T u."""
     return rolling_basis(q) @ chained_velocity_map(q)
