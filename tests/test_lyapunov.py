@@ -33,6 +33,7 @@ from coopmm_jax.proof import terms as proof_terms
 from coopmm_jax.proof.steps import check_loop
 from tests.oracles import lagrangian
 from tests.samples import assert_close, poses
+from tests.workers import environment
 
 COUNT = 40
 LIGHT = tuple(Inertia(*(0.8 * getattr(inertia, name) for name in MASS_NAMES)) for inertia in Plant().inertia)
@@ -257,11 +258,10 @@ def test_analysis_works_under_the_command_lines_xla_options():
 from coopmm_jax import runtime
 assert runtime.use_fast_compilation()
 import doctest
-from coopmm_jax.proof import margins
 from coopmm_jax.proof import terms as proof_terms
 assert doctest.testmod(proof_terms).failed == 0
 """
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+    subprocess.run([sys.executable, "-c", code], env=environment(shipped=True), check=True, timeout=120)
 
 
 def test_norms_and_solutions_of_many_matrices_are_lapacks():
