@@ -43,7 +43,7 @@ def pytest_collection_modifyitems(items):
 
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish():
-    """Leave nothing to walk through for pytest's ten collections at the end: each takes a second over what JAX keeps."""
+    """Leave nothing to pytest's ten collections at the end: each takes a second over what JAX keeps."""
     gc.collect()
     gc.freeze()
 

@@ -215,13 +215,13 @@ def test_gif_plays_as_long_as_the_run_in_its_own_colours(run, animation, tmp_pat
 
 
 def test_gif_keeps_time_at_rates_its_clock_does_not_have(run, tmp_path):
-    animate(run, path=tmp_path / "run.gif", width=400, fps=30)
+    animate(shortened(run, 301), path=tmp_path / "run.gif", width=400, fps=30)
     with Image.open(tmp_path / "run.gif") as gif:
         total = 0
         for k in range(gif.n_frames):
             gif.seek(k)
             total += gif.info["duration"]
-    assert total == pytest.approx(31 / 30 * 1000 + 1000 * writers.PAUSE, abs=5)
+    assert total == pytest.approx(10 / 30 * 1000 + 1000 * writers.PAUSE, abs=5)
 
 
 def test_page_holds_every_frame_and_needs_nothing_else(run, animation, tmp_path):
@@ -305,7 +305,7 @@ def test_runs_without_samples_and_pictures_too_narrow_for_them(run):
 
 
 def test_twenty_seconds_take_less_than_a_minute(run, tmp_path):
-    """Of a core: 50 frames in a tenth of what 500 may take."""
+    """Of a core: 25 frames in a twentieth of what 500 may take."""
     before = time.process_time()
-    animate(run, path=tmp_path / "run.gif", fps=49.0)
-    assert time.process_time() - before < 6.0
+    animate(run, path=tmp_path / "run.gif", fps=24.0)
+    assert time.process_time() - before < 3.0

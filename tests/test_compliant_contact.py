@@ -14,6 +14,7 @@ from coopmm_jax.parameters import Features, Gains, Hardware, Parameters, Structu
 from coopmm_jax.status import Status
 from tests import surface_results
 from tests.oracles import hardware, lagrangian
+from tests.programs import Program
 from tests.samples import ROW_SETS, SHAPES, assert_close, at_surface, joined, positions, vector
 
 SOFT = Hardware(penetration=1e-3, contact_damping=2.0)
@@ -113,8 +114,13 @@ def test_energy_goes_into_the_surface_and_is_lost_there(case):
 
 
 @pytest.fixture(scope="module")
-def run(programs):
-    return programs(COMPLIANT)(PAPER, 5e-4, 2000)
+def compliant():
+    return Program(COMPLIANT, 10_000)
+
+
+@pytest.fixture(scope="module")
+def run(compliant):
+    return compliant(PAPER, 5e-4, 2000)
 
 
 def test_figures_of_the_study_with_a_contact_that_can_open(run):
@@ -127,8 +133,8 @@ def test_figures_of_the_study_with_a_contact_that_can_open(run):
     assert run.signals.constraint_force[0].min() == 0.0
 
 
-def test_a_finer_step_gives_the_same(run, programs):
-    finer = programs(COMPLIANT)(PAPER, 2.5e-4, 4000)
+def test_a_finer_step_gives_the_same(run, compliant):
+    finer = compliant(PAPER, 2.5e-4, 4000)
     for coarse, fine in zip(run.signals.constraint_force, finer.signals.constraint_force, strict=True):
         assert coarse[-1] == pytest.approx(fine[-1], abs=1e-4)
 
@@ -138,17 +144,15 @@ def slopes():
     return {name: np.array(values) for name, values in surface_results.results().items()}
 
 
-def test_an_undamped_surface_keeps_the_tip_bouncing(programs):
+def test_an_undamped_surface_keeps_the_tip_bouncing(compliant):
     """From a start that is pressed in: off the surface 4 % of 10 s, peaks of 49 N."""
     elastic = PAPER._replace(hardware=Hardware(penetration=1e-3, contact_damping=0.0))
-    run = programs(COMPLIANT)(elastic, steps=10_000)
+    run = compliant(elastic)
     gap, force = run.signals.constraint_residual[0], run.signals.constraint_force[0]
     assert np.mean(gap > 0.0) == pytest.approx(0.041, abs=0.002)
     assert force.max() == pytest.approx(49.1, abs=0.5)
     assert np.sum((gap[:-1] > 0.0) & (gap[1:] <= 0.0) & (run.t[1:] > 5.0)) > 10  # landings
-    damped = programs(COMPLIANT)(
-        elastic._replace(hardware=Hardware(penetration=1e-3, contact_damping=2.0)), steps=10_000
-    )
+    damped = compliant(elastic._replace(hardware=Hardware(penetration=1e-3, contact_damping=2.0)))
     assert np.all(damped.signals.constraint_residual[0][500:] < 0.0)
 
 
