@@ -54,6 +54,12 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise UsageError(message)
 
+    def format_help(self) -> str:
+        """Help with its epilog, which is long to make and seldom read."""
+        make = self.get_default("epilog")
+        self.epilog = self.epilog if make is None else make()
+        return super().format_help()
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command.

@@ -1,11 +1,12 @@
-"""A tuning run around closed-form costs, in a process that may kill itself: run by test_tuning.py.
+"""A tuning run around closed-form costs, in a process that kills itself: run by test_tuning.py.
 
-    python -m tests.kill_worker FOLDER [ITERATION to be killed at]
+    python -m tests.kill_worker FOLDER EARLIER ITERATION
 
-Goes on with the folder's run where it has one.
+EARLIER is what a kill at iteration 0 would have left of FOLDER.
 """
 
 import os
+import shutil
 import signal
 import sys
 from pathlib import Path
@@ -19,12 +20,14 @@ from tuning.studies import state
 
 
 def main():
-    """Tune; with an iteration, die before its line of history is written."""
+    """Tune, and die before the iteration's line of history is written."""
     start_worker()
-    folder, killed = Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else None
+    folder, earlier, killed = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
     write = state.append_history
 
     def append_history(folder, row):
+        if row.iteration == 0:
+            shutil.copytree(folder, earlier)
         if row.iteration == killed:
             os.kill(os.getpid(), signal.SIGKILL)
         write(folder, row)
@@ -32,7 +35,7 @@ def main():
     with pytest.MonkeyPatch.context() as patch:
         replace_rollouts(patch)
         patch.setattr(state, "append_history", append_history)
-        tuning.tune(scenario(), out=folder, resume=(folder / state.NAME).exists())
+        tuning.tune(scenario(), out=folder)
 
 
 if __name__ == "__main__":

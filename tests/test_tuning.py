@@ -1,6 +1,7 @@
 """The course of a tuning run, around closed-form costs in the place of rollouts."""
 
 import csv
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from coopmm_jax.scenario.scenario import load_scenario
 from tests import kill_worker
 from tests.closed_costs import MASS, QUICK, replace_rollouts, scenario
 from tests.reading import Reading
-from tests.workers import environment, run_worker
+from tests.workers import environment
 from tuning.cost import evaluate as batches
 from tuning.cost import objective as objective_module
 from tuning.cost import problem as problem_module
@@ -72,37 +73,40 @@ def test_same_seed_same_bits_and_another_seed_others(rollouts):
 @pytest.mark.parametrize(
     "settings", [{"schedule": 2}, {"optimiser": "lbfgs"}, {"optimiser": "adam"}, {"adversaries": 2}], ids=str
 )
-@pytest.mark.parametrize("killed", [0, 5, 30])
-def test_killed_and_resumed_is_uninterrupted(rollouts, tmp_path, settings, killed):
-    """Killed after screening, amid a scan, and amid what follows it."""
+def test_killed_and_resumed_is_uninterrupted(rollouts, tmp_path, settings):
+    """From what is on disk after screening, amid a scan, and amid what follows it."""
     settings = scenario(budget=60.0 if "adversaries" in settings else 20.0, **settings)
-    whole = tuning.tune(settings, out=tmp_path / "whole")
+    kept = {}
 
-    def kill(row):
-        if row.iteration == min(killed, len(whole.history) - 2):
-            raise KeyboardInterrupt
+    def keep(row):
+        if row.iteration in (0, 5, 10, 20, 30):
+            kept[tmp_path / str(row.iteration)] = row.stage
+            shutil.copytree(tmp_path / "whole", tmp_path / str(row.iteration))
 
-    with pytest.raises(KeyboardInterrupt):
-        tuning.tune(settings, out=tmp_path / "part", progress=kill)
-    assert not (tmp_path / "part" / "gains.toml").exists()
-    resumed = tuning.tune(settings, out=tmp_path / "part", resume=True)
-    same(whole, resumed)
-    texts = [(tmp_path / name / "gains.toml").read_bytes() for name in ("whole", "part")]
-    assert texts[0] == texts[1]
+    whole = tuning.tune(settings, out=tmp_path / "whole", progress=keep)
+    late = [part for part, stage in kept.items() if stage == "searching"][-1]
+    assert kept[tmp_path / "5"] == "scanning"
+    for part in (tmp_path / "0", tmp_path / "5", late):
+        assert not (part / "gains.toml").exists()
+        same(whole, tuning.tune(settings, out=part, resume=True))
+        assert (part / "gains.toml").read_bytes() == (tmp_path / "whole" / "gains.toml").read_bytes()
 
 
-@pytest.mark.parametrize("killed", [0, 7])
-def test_sigkill_amid_writing_and_a_resume_leave_the_same_files(tmp_path, killed):
-    """The state is on disk already, its line of history is not."""
-    run_worker(kill_worker, tmp_path / "whole")
-    command = [sys.executable, "-m", kill_worker.__name__, str(tmp_path / "part"), str(killed)]
+def test_sigkill_amid_writing_and_a_resume_leave_the_same_files(rollouts, tmp_path):
+    """The state is on disk already, its line of history is not: not even the first, or that of iteration 7."""
+    tuning.tune(scenario(), out=tmp_path / "whole")
+    command = [sys.executable, "-m", kill_worker.__name__, *(str(tmp_path / name) for name in ("late", "early")), "7"]
     assert subprocess.run(command, env=environment(), check=False).returncode == -signal.SIGKILL
-    assert not (tmp_path / "part" / "gains.toml").exists()
-    run_worker(kill_worker, tmp_path / "part")
-    texts = [(tmp_path / name / "gains.toml").read_bytes() for name in ("whole", "part")]
-    assert texts[0] == texts[1]
-    rows = [list(csv.reader((tmp_path / name / state.HISTORY).read_text().splitlines())) for name in ("whole", "part")]
-    assert [row[:-1] for row in rows[0]] == [row[:-1] for row in rows[1]]  # all but the seconds
+    assert not (tmp_path / "early" / state.HISTORY).exists()
+    for name in ("early", "late"):
+        assert not (tmp_path / name / "gains.toml").exists()
+        tuning.tune(scenario(), out=tmp_path / name, resume=True)
+    folders = [tmp_path / name for name in ("whole", "early", "late")]
+    texts = [(folder / "gains.toml").read_bytes() for folder in folders]
+    assert texts[0] == texts[1] == texts[2]
+    rows = [list(csv.reader((folder / state.HISTORY).read_text().splitlines())) for folder in folders]
+    cut = [[row[:-1] for row in each] for each in rows]  # all but the seconds
+    assert cut[0] == cut[1] == cut[2]
 
 
 def test_the_folder_holds_the_scenario_that_a_resume_takes(rollouts, tmp_path):

@@ -55,7 +55,7 @@ def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
     from coopmm_jax.sweeps.statistics import damaged
 
     data = sweep_store.open_sweep(options.store)
-    scenario = sweep_store.scenario_of(data).with_overrides(changes)
+    scenario = sweep_store.scenario_of(data).with_overrides(changes) if changes else None
     folder = report_folder(options.store) if options.out is None else resolve_path(options.out, "--out")
     publish_and_print(folder, data, scenario)
     print(f"written to {folder}")

@@ -30,7 +30,6 @@ def add(commands: Subparsers) -> None:
         "simulate",
         help="simulate one scenario and print its metrics",
         usage=f"coopmm simulate (SCENARIO | --from STORE --sample N) {OVERRIDES} [--precision P] [--out DIR]",
-        epilog=fields_help(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -47,7 +46,7 @@ def add(commands: Subparsers) -> None:
         help="folder for scenario.toml, trajectory.npz, summary.json, metrics.csv and overview.png",
     )
     add_overwrite(parser)
-    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True)
+    parser.set_defaults(run=run, parser=parser, epilog=fields_help, takes_overrides=True, computes=True)
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:

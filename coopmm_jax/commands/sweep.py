@@ -28,7 +28,6 @@ def add(commands: Subparsers) -> None:
         "sweep",
         help="simulate many samples of a scenario's uncertainty and report how often its requirements are met",
         usage=f"coopmm sweep SCENARIO {OVERRIDES} [options]",
-        epilog=fields_help(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -54,7 +53,7 @@ def add(commands: Subparsers) -> None:
     parser.add_argument(
         "--slurm", metavar="N", type=int, help="write a script of N Slurm jobs beside STORE, run nothing"
     )
-    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True, sweeps=True)
+    parser.set_defaults(run=run, parser=parser, epilog=fields_help, takes_overrides=True, computes=True, sweeps=True)
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import functools
 import platform
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -24,7 +25,10 @@ def versions() -> dict[str, str]:
     packages = ("jax", "jaxlib", "numpy")
     own = {"python": platform.python_version(), "coopmm_jax": __version__}
     loaded = {f"{_PLUGIN}{plugin.name}": plugin.version for plugin in plugins.loaded()}
-    return own | {package: version(package) for package in packages} | loaded
+    return own | {package: _installed(package) for package in packages} | loaded
+
+
+_installed = functools.cache(version)  # reads the package's files each time
 
 
 def record(software: Mapping[str, Any]) -> str:

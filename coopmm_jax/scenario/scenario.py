@@ -32,9 +32,9 @@ class Scenario(BaseScenario):
     @model_validator(mode="after")
     def _what_varies_can(self) -> Self:
         if self.uncertainty.entries():
-            from coopmm_jax.scenario.variation import vary  # imports NumPy, which few scenarios need
+            from coopmm_jax.scenario.variation import check, vary  # imports NumPy, which few scenarios need
 
-            vary(self)
+            check(vary(self))
         return self
 
 

@@ -150,11 +150,10 @@ def batched(parameters: Parameters, count: int) -> Parameters:
 
 
 def vary(scenario: Varied) -> Variation[Varied]:
-    """Variation of a scenario, from its [uncertainty].
+    """Variation of a scenario, from its [uncertainty]; every ``Scenario`` has been through ``check``.
 
     Raises:
-        UserError: a field that does not exist or cannot vary, a number that varies twice, or a distribution that
-            reaches values which the field cannot have.
+        UserError: a field that does not exist or cannot vary, or a number that varies twice.
     """
     idle, entries = unread(scenario), scenario.uncertainty.entries()
     for entry in entries:
@@ -169,12 +168,19 @@ def vary(scenario: Varied) -> Variation[Varied]:
         if seen & both:
             raise UserError(f"uncertainty.{number.name}", "given once", "given twice")
         seen.add(number.name)
-    variation = Variation(scenario, numbers)
+    return Variation(scenario, numbers)
+
+
+def check(variation: Variation) -> None:
+    """Check that the scenario can have all the values that its numbers reach, each of which changes something.
+
+    Raises:
+        UserError: a distribution that reaches values which the field cannot have, or that has no effect.
+    """
     with np.errstate(all="ignore"):  # what overflows is refused as not finite
         for end in (LOWEST, HIGHEST):
             _check_end(variation, end)
         _check_effects(variation)
-    return variation
 
 
 def _check_end(variation: Variation, end: float) -> None:

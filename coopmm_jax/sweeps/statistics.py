@@ -114,13 +114,14 @@ def read_results(data: xarray.Dataset, scenario: Scenario | None = None) -> Resu
     Raises:
         UserError: no sample has been computed yet, or a chunk is corrupt.
     """
-    scenario = store.scenario_of(data) if scenario is None else scenario
+    swept = store.scenario_of(data)
+    scenario = swept if scenario is None else scenario
     required = [requirement.metric for requirement in scenario.requirements.parsed()]
     kept = set(map(str, data.metric.values))
     for name in required:
         if name not in kept:
             raise UserError(f"requirements.{name}", "a metric that the sweep has measured", "not measured")
-    _check_sentences(scenario, store.scenario_of(data))
+    _check_sentences(scenario, swept)
     chosen = [name for name in dict.fromkeys([*required, *shown()]) if name in kept]
     draws: dict[str, str] = {}
     for number in vary(scenario).numbers:

@@ -27,7 +27,6 @@ def add(commands: Subparsers) -> None:
         "tune",
         help="tune gains against a scenario's uncertainty and report what it brought on untouched samples",
         usage=f"coopmm tune SCENARIO {OVERRIDES} [options]",
-        epilog=fields_help(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -52,7 +51,7 @@ def add(commands: Subparsers) -> None:
         help=f"train on the worst samples too that are found on the way, short for --tuning.adversaries {ADVERSARIES}",
     )
     add_dask(parser)
-    parser.set_defaults(run=run, parser=parser, takes_overrides=True, computes=True, sweeps=True)
+    parser.set_defaults(run=run, parser=parser, epilog=fields_help, takes_overrides=True, computes=True, sweeps=True)
 
 
 def run(options: argparse.Namespace, changes: dict[str, Any]) -> int:
