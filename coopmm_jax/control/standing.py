@@ -21,8 +21,8 @@ def standing_start(model: Model, parameters: Parameters, t: Scalar) -> Pair[AnyP
         t: time of the start [s].
     """
 
-    def at(geometry: Geometry, pose: Pose, desired: Desired) -> AnyPosition:
-        front, long = geometry.front, desired.long
+    def at(geometry: Geometry, pose: Pose, desired: Desired | None) -> AnyPosition:
+        front, long = geometry.front, desired.long if desired else None
         if front is None or long is None:
             rho = 0.0
         elif front.chart is not None:
@@ -31,4 +31,7 @@ def standing_start(model: Model, parameters: Parameters, t: Scalar) -> Pair[AnyP
             rho = front.unit * (long.zeta[1] + long.zeta[3])
         return standing(geometry, pose, rho)
 
-    return per_robot(at, model.geometry, parameters.start, desired_motion(model.reference, t))
+    # Of a path it takes long to trace, and differential drives ask for nothing of it.
+    turning = any(geometry.front is not None for geometry in model.geometry)
+    desired = desired_motion(model.reference, t) if turning else (None, None)
+    return per_robot(at, model.geometry, parameters.start, desired)
