@@ -22,7 +22,7 @@ from types import SimpleNamespace
 import jax
 
 from coopmm_jax import cli, runtime
-from experiments import readme_media
+from experiments import fuzz_kinds, readme_media
 from experiments.benchmarks import falsify, gradients, loops, rollout, sweep, tuners, tuning_quality
 from tests.pictures import render_each_kind_once
 from tests.tuning_results import HORIZON
@@ -36,14 +36,16 @@ def make_experiments_small():
     readme_media.write_media = functools.partial(readme_media.write_media, **times)
     rollout._compiled = _traced
     rollout.apart = lambda _, function, *arguments: function(*arguments)  # a new process would not be small
-    kept, sampled = loops.loops(), (loops.IDEAL, "sensed")
-    loops.loops, loops.DURATIONS = lambda: {name: kept[name] for name in sampled}, {1: 0.01}
+    ideal = {loops.IDEAL: loops.loops()[loops.IDEAL]}
+    loops.loops, loops.DURATIONS = lambda: ideal, {1: 0.01}
     # One sweep for all cases, with the programs of ``coopmm sweep sensed``; what it takes says nothing here.
     sweep.SCENARIO, sweep.LONGEST, sweep.LARGEST = "sensed", math.inf, math.inf
     sweep.FIRST = sweep.SCALE = sweep.SHORT_FIRST = sweep.FEW = sweep.MANY = sweep.Case(16, 0.1)
     sweep.measure = functools.cache(sweep.measure)
     falsify.HORIZON = HORIZON
     tuners.DURATION = HORIZON
+    tuners.PROBLEMS["shared"][1]["precision"] = "float64"  # one program less to compile
+    fuzz_kinds.fuzz = functools.partial(fuzz_kinds.fuzz, rollouts=False)  # test_fuzz.py has them
     # Its command in this process, which has compiled what it runs and can no longer change XLA's options.
     tuning_quality.subprocess = SimpleNamespace(run=lambda line, **_: cli.main(line[3:]))
     tuning_quality.runtime = SimpleNamespace(use_fast_compilation=lambda batches: True, use_compilation_cache=Path)
