@@ -10,16 +10,13 @@ import signal
 import sys
 from pathlib import Path
 
-import numpy as np
-
 import coopmm_jax as cm
 from coopmm_jax.sweeps.dask import connected
 from coopmm_jax.sweeps.run import sweep
 from tests.workers import start_worker
-from tuning.cost.problem import build_problem
 
 VARIED = {"plant.masses": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}}
-SHORT = {"simulation": {"duration": 0.03}, "tuning": {"tracking_from": 0.01, "validation_samples": 64}}
+SHORT = {"simulation": {"duration": 0.03}}
 BATCH, SAMPLES, KILLED_AT = 16, 192, 5
 
 
@@ -40,18 +37,15 @@ class Killing:
 
 
 def main(folder):
-    """Sweep and costs of this process alone, and on two workers of which one is killed in the middle of the sweep."""
+    """Sweep of this process alone, and on two workers of which one is killed in the middle."""
     start_worker()
     logging.disable(logging.CRITICAL)  # what Dask says of its killed worker
     cm.load_plugin(folder / "plugin.py")
     scenario = cm.load_scenario("paper", uncertainty=VARIED, disturbance=[{"kind": "knock", "wheel": 5.0}], **SHORT)
-    problem = build_problem(scenario)
-    vectors = np.stack([problem.start, problem.start + 0.1])
-    alone = sweep(scenario, SAMPLES, batch=BATCH, keep=0), problem.costs(vectors)
+    alone = sweep(scenario, SAMPLES, batch=BATCH, keep=0)
     with connected("local:2") as executor:
         killing = Killing(executor)
-        swept = sweep(scenario, SAMPLES, batch=BATCH, keep=0, executor=killing)
-        shared = swept, build_problem(scenario, executor).costs(vectors)
+        shared = sweep(scenario, SAMPLES, batch=BATCH, keep=0, executor=killing)
     answer = {"alone": alone, "shared": shared, "killed": killing.killed, "given": killing.given}
     (folder / "answer.pkl").write_bytes(pickle.dumps(answer))
 

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import numpy as np
@@ -16,6 +17,7 @@ from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.gains_file import read_gains
 from coopmm_jax.scenario.scenario import load_scenario
+from coopmm_jax.sweeps.batch import Elsewhere, slots
 from tests import kill_worker
 from tests.closed_costs import MASS, QUICK, replace_rollouts, scenario
 from tests.reading import Reading
@@ -61,6 +63,21 @@ def test_every_term_is_one_under_the_starting_gains(rollouts):
     problem = problem_module.build_problem(scenario(weights=dict.fromkeys(TERMS, 1.0)))
     fixed = problem.samples(problem_module.VALIDATION, QUICK["validation_samples"])
     assert problem.costs(problem.start, fixed)[0] == pytest.approx(len(TERMS), rel=1e-6)  # float32 outside tune()
+
+
+def test_an_executor_carries_all_that_a_problem_computes(rollouts, monkeypatch):
+    places = []
+    for name in ("evaluate", "gradients"):
+        stand = getattr(batches, name)
+        monkeypatch.setattr(batches, name, lambda *given, stand=stand: places.append(slots()[0]) or stand(*given))
+    with ThreadPoolExecutor(1) as pool:
+        problem = tuning.build_problem(scenario(), pool)
+        problem.costs(problem.start)
+        problem.slopes(problem.start[None])
+    assert len(places) == 3
+    assert all(isinstance(place, Elsewhere) and place.executor is pool for place in places)
+    tuning.build_problem(scenario()).costs(problem.start)
+    assert not isinstance(places[-1], Elsewhere)
 
 
 def test_same_seed_same_bits_and_another_seed_others(rollouts):
