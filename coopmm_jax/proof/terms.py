@@ -22,6 +22,7 @@ from coopmm_jax.loop.closed_loop import closed_loop
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics import partitioning
 from coopmm_jax.mechanics.constrained_dynamics import both_dynamics, reduced_inertia, required_force
+from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.disturbance import disturbance_force
 from coopmm_jax.mechanics.model import Model, build_model
 from coopmm_jax.mechanics.plant import expected_kinematics
@@ -119,10 +120,10 @@ def evaluate(structure: Structure, model: Model, t: Scalar, state: State) -> Pro
     platform_error = first[:PLATFORM] + second[:PLATFORM]  # sigma has no integral there
     signal, decay = _platform_terms(model, t, state)
     disturbing = disturbance_force(model.disturbance, t, model.geometry, k)
-    like = partial(_stacked, t)
+    like, trials = partial(_stacked, t), _trials(structure, model, t, state)
     return ProofTerms(
-        plant=_reduced(structure, model, model.plant, t, state),
-        nominal=_reduced(structure, model, model.nominal, t, state),
+        plant=_reduced(trials, model.plant),
+        nominal=_reduced(trials, model.nominal),
         V1=V1,
         V1_rate=V1_rate,
         decay=decay,
@@ -196,22 +197,24 @@ def _robust_terms(
     return (*(only(j) for j in range(len(f))), U26)
 
 
-def _reduced(
-    structure: Structure, model: Model, lumped: tuple[AnyLumped, AnyLumped], t: Scalar, state: State
-) -> Reduced:
-    """The reduced dynamics with the plant's or the controller's lumped parameters.
-
-    The bias Cr u^1 + Gr is evaluated at rest and one unit to either side of u^1 in each direction, all at once along a
-    leading axis: it is quadratic in u^1, so central differences of unit step are its derivative.
-    """
+def _trials(structure: Structure, model: Model, t: Scalar, state: State) -> Kinematics:
+    """Kinematics at rest and one unit to either side of u^1 in each direction, all at once along a leading axis."""
     n = len(state.velocity)
     moving = np.array([0.0] + [1.0] * (2 * n))[:, None]
     offsets = np.hstack([np.zeros((n, 1)), np.eye(n), -np.eye(n)])[:, :, None]
     trials = tuple(moving * jnp.asarray(u)[None] + offset for u, offset in zip(state.velocity, offsets, strict=True))
     now, position, carriage = jax.tree.map(lambda x: x[None], (t, state.position, state.carriage))
+    return expected_kinematics(structure, model, now, position, trials, carriage)
 
-    k = expected_kinematics(structure, model, now, position, trials, carriage)
+
+def _reduced(k: Kinematics, lumped: tuple[AnyLumped, AnyLumped]) -> Reduced:
+    """The reduced dynamics with the plant's or the controller's lumped parameters, from ``_trials``.
+
+    The bias Cr u^1 + Gr is quadratic in u^1, so central differences of unit step are its derivative.
+    """
     dynamics = both_dynamics(lumped, k)
-    M = _stacked(position[0].z1, reduced_inertia(k, dynamics).rows)
-    h = _stacked(trials[0], partitioning.restrict(k.reduction, required_force(dynamics, k.L_rate)))
+    position, trial = k.bodies.position[0].z1, k.velocity[0][0]
+    M = _stacked(position, reduced_inertia(k, dynamics).rows)
+    h = _stacked(trial, partitioning.restrict(k.reduction, required_force(dynamics, k.L_rate)))
+    n = M.shape[0]
     return Reduced(M[:, :, 0], 0.25 * (h[:, 1 : n + 1] - h[:, n + 1 :]), h[:, 0])
