@@ -9,20 +9,26 @@ NEW_ENOUGH := -c 'import sys; sys.exit(sys.version_info < (3, 11))'
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
 	"$$p" $(NEW_ENOUGH) 2>/dev/null && { echo "$$p"; break; }; done)
 
-.PHONY: demo test docs clean
+.PHONY: demo test types tests docs clean
 
 demo: $(VENV)/.installed
 	$(BIN)/python -m experiments.reproduce_paper --out results/paper
 	$(BIN)/coopmm tune sensed --tuning.budget 60 --out results/demo --overwrite
 
-# Two workers, each keeping whole files, so that a file's compiled functions are shared by its tests. Python's own
-# compiled files are written even where the environment asks for none: compiling what is imported takes each of some
-# sixty processes 5 s.
+# What takes a second comes first; types are checked beside the tests, which leave a core idle now and then.
 test: $(VENV)/.installed-test
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check --quiet
 	$(BIN)/lint-imports --no-logo --no-cache
+	$(MAKE) --no-print-directory --jobs 2 types tests
+
+types: $(VENV)/.installed-test
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
+
+# Two workers, each keeping whole files, so that a file's compiled functions are shared by its tests. Python's own
+# compiled files are written even where the environment asks for none: compiling what is imported takes each of some
+# fifty processes 5 s.
+tests: $(VENV)/.installed-test
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # The site in build/site: notebooks are run at full size, which takes minutes, and again only after they have changed.
