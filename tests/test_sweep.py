@@ -1,5 +1,6 @@
 """Sweeps: the same bits however they are run, the metrics of single simulations, failures, work on all cores."""
 
+import itertools
 import json
 import os
 import signal
@@ -13,6 +14,7 @@ import numpy as np
 import xarray
 
 import coopmm_jax as cm
+from coopmm_jax.cli import main
 from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.scenario.sampling import sampler
 from coopmm_jax.scenario.variation import vary
@@ -79,7 +81,8 @@ def test_killed_and_resumed_is_as_if_nothing_had_happened(start, sweep, thousand
 def test_the_compilers_options_of_the_command_change_nothing(scenario, thousand, tmp_path):
     """As shipped, with every loop over 64 robots vectorised, against machine code as it comes for eight."""
     (tmp_path / "scenario.toml").write_text(scenario.to_toml())
-    code = "import sys; from coopmm_jax.cli import main; sys.exit(main())"
+    silent = "from coopmm_jax.commands import sweep; sweep.publish_and_print = lambda *_, **__: None"
+    code = f"import sys; {silent}; from coopmm_jax.cli import main; sys.exit(main())"
     words = ["sweep", "scenario.toml", "--samples", "64", "--keep", "0"]
     command = [sys.executable, "-c", code, *words]
     subprocess.run(command, cwd=tmp_path, env=environment(shipped=True), check=True, capture_output=True)
@@ -93,14 +96,29 @@ def test_the_compilers_options_of_the_command_change_nothing(scenario, thousand,
     np.testing.assert_allclose(mine, other, rtol=1e-12, atol=1e-14)
 
 
-def test_two_processes_share_a_sweep(start, thousand, tmp_path):
+def test_two_processes_share_a_sweep(start, thousand, tmp_path, monkeypatch, capsys):
     common = ("--samples", "300", "--out", "sweep.zarr", "--size", "2")
-    processes = [start(*common, "--rank", rank) for rank in "01"]
-    said = [process.communicate(timeout=600) for process in processes]
-    assert [process.returncode for process in processes] == [0, 0], said
+    other = start(*common, "--rank", "1")
+    number, compute = itertools.count(), measure.measure
+
+    def waiting(*given):
+        """Keep pace with the other process: begin when it has begun, end after it, to find all of it complete."""
+        batch = next(number)
+        while batch == 0 and other.poll() is None and not chunk_file(tmp_path / "sweep.zarr", "status", 1, 1).exists():
+            time.sleep(0.002)
+        if batch == 300 // BATCH // 2:
+            other.wait(timeout=600)
+        return compute(*given)
+
+    monkeypatch.setattr(measure, "measure", waiting)
+    monkeypatch.chdir(tmp_path)
+    assert main(["sweep", "scenario.toml", "--keep", "0", "--batch", str(BATCH), *common, "--rank", "0"]) == 0
+    said = other.communicate()
+    assert other.returncode == 0, said
+    assert "samples are left to other processes" in said[0]
     shared = xarray.open_zarr(tmp_path / "sweep.zarr")
     assert bits(shared) == bits(thousand.isel(sample=slice(300)))
-    assert any("written to sweep.zarr and sweep-report" in out for out, _ in said)
+    assert "written to sweep.zarr and sweep-report" in capsys.readouterr().out
     assert (tmp_path / "sweep-report" / "requirements.png").stat().st_size > 10_000
 
 
@@ -160,11 +178,14 @@ def test_a_failing_sample_changes_no_bit_of_its_neighbours(scenario):
     scale[2], x[5] = 1e7, 9.0
     start = (healthy.start[0]._replace(x=x), healthy.start[1])
     broken = healthy._replace(disturbance=(healthy.disturbance[0]._replace(scale=scale),), start=start)
-    before, after = (measure.measure(variation.structure(), horizon, device, p) for p in (healthy, broken))
+    common = variation.structure(), horizon, device
+    spoken = scenario.requirements.sentences()  # as in the sweeps, whose program this is then
+    before, after = (measure.measure(*common, parameters, spoken) for parameters in (healthy, broken))
     assert before.status.tolist() == [Status.OK] * BATCH
     assert np.flatnonzero(after.status).tolist() == [2, 5]
     assert after.status[5] == Status.UNREACHABLE
-    assert np.isnan(after.metrics[5]).all()
+    assert np.isnan(after.metrics[5, : len(METRICS)]).all()
+    assert np.all(after.metrics[5, len(METRICS) :] < 0.0)  # what ends in failure breaks every sentence
     others = np.array([0, 1, 3, 4, 6, 7])
     assert np.array_equal(before.metrics[others], after.metrics[others])
 
