@@ -92,6 +92,8 @@ def _list_of(context: Mapping[str, Any], one: str) -> str:
         return f"{one} or a list of {least or most}"
     if least == 1:
         return "a list that is not empty"
+    if most == 2:  # a pair, of which pydantic does not say that it needs both
+        return "a list of 2"
     return f"a list of at least {least}" if least else f"a list of at most {most}"
 
 
