@@ -144,7 +144,7 @@ BROKEN = {
     DISTURBANCE.replace("mine", "sine") + SQUARE: 'plugin mine.py: disturbance "sine": must be registered once',
     DISTURBANCE.replace('"mine"', '"my own"') + SQUARE: "plugin mine.py: must be registered as disturbance under",
     DISTURBANCE.replace("disturbance", "disturbence") + SQUARE: (
-        "plugin mine.py: must be registered as one of controller, disturbance"
+        "plugin mine.py: must be registered as one of controller, cost_term, course, disturbance"
     ),
     DISTURBANCE + SQUARE + "\n1 / 0\n": "--plugin mine.py: must be a file that runs",
     '@cm.register("metric", "mine")\nclass Mine(NamedTuple):\n    unit, meaning = "m", "x"\n    reduction = "median"\n'

@@ -58,7 +58,7 @@ def register(group: str, name: str) -> Callable[[Registered], Registered]:
         plugin = _loading[-1] if _loading else None
         place = "kind" if plugin is None else f"plugin {plugin}"
         if group not in GROUPS:
-            must = f"registered as one of {', '.join(GROUPS)}{_closest(group, GROUPS)}"
+            must = f"registered as one of {', '.join(sorted(GROUPS))}{_closest(group, GROUPS)}"
             raise UserError(place, must, group)
         label = f'{place}: {group} "{name}"'
         if not isinstance(name, str) or not _NAME.fullmatch(name):
