@@ -56,6 +56,19 @@ def test_what_nothing_reads_is_refused(name, changes, message):
     assert str(caught.value).startswith(message)
 
 
+@pytest.mark.parametrize("base", ["", 'base = "long_arm"\n'])
+def test_a_file_that_gives_what_nothing_reads_is_refused(tmp_path, base):
+    links = "[arm]\nl_links = [0.2, 0.2, 0.15]\nm_links = [0.5, 0.4, 0.3]\nI_links = [0.4, 0.3, 0.2]\n"
+    started = "[initial]\npitch = [[0.6, -1.7, 1.6], [2.5, 1.7, -1.6]]\n"
+    file = tmp_path / "mine.toml"
+    file.write_text(base + links + started, encoding="utf-8")
+    load_scenario(file)
+    for beside, place in (("[plant]\nm2 = 0.7\n", "plant.m2"), ("a2 = 0.1\n", "initial.a2")):
+        file.write_text(base + links + started + beside, encoding="utf-8")
+        with pytest.raises(UserError, match=f"^{place}: must be left out where arm.l_links"):
+            load_scenario(file)
+
+
 def test_what_replaces_fields_drops_those_of_the_base(tmp_path):
     of_base = {"reference.radius": [2.3, 0.9], "coupling.guide_radius": 1.6, "plant.m2": 0.7, "initial.a2": [-0.9, 2.6]}
     base = load_scenario("paper", **of_base)

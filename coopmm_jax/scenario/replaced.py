@@ -63,14 +63,16 @@ def affected(changed: Collection[str]) -> set[str]:
 
 
 def without_replaced(base: Mapping[str, Any], tables: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Tables of a base scenario without the fields that others replace.
+    """Tables of a base scenario without the fields that changes replace.
+
+    What a file gives beside a field that replaces it stays, for ``check_read`` to refuse.
 
     Args:
         base: tables of sections.
         tables: the same with changes laid over them.
     """
     for rule in _RULES:
-        if all(_in_force(_at(tables, *place)) for place in rule.given):
+        if _applies(rule, tables) and not _applies(rule, base):
             for place in rule.replaced:
                 base = _without(base, *_split(place))
     return base
@@ -117,6 +119,10 @@ def _check_tuned(scenario: Any) -> None:
 
 def _drives_alone(scenario: Any) -> bool:
     return scenario.platform.kinds == ("differential", "differential")
+
+
+def _applies(rule: _Rule, tables: Mapping[str, Any]) -> bool:
+    return all(_in_force(_at(tables, *place)) for place in rule.given)
 
 
 def _in_force(value: Any) -> bool:
