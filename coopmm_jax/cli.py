@@ -87,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             terminal.end(number)
         terminal.say("interrupted")
         return 128 + number
-    except (UserError, UsageError, OSError, MemoryError, RuntimeError) as error:
+    except (UserError, UsageError, OSError, MemoryError, RuntimeError, AssertionError) as error:
         message = told(error)
         if message is None:
             raise
@@ -104,10 +104,17 @@ def told(error: Exception) -> str | None:
         return f"{error.filename or 'output'}: must be a place with room and permission, was not ({reason})"
     if isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in str(error):
         return f"memory: must be enough for this command, was exhausted ({error})"
-    if "initialize backend" in str(error):
+    if "initialize backend" in str(error) or _without_device(error):
         platforms = os.environ.get("JAX_PLATFORMS", "")
-        return f"JAX_PLATFORMS: must be a platform that JAX has here, was {platforms} ({error})"
+        reason = str(error) or "no device of it"
+        return f"JAX_PLATFORMS: must be a platform that JAX has here, was {platforms} ({reason})"
     return None
+
+
+def _without_device(error: Exception) -> bool:
+    """True if JAX knows the platforms asked for and has a device of none of them, which it only asserts."""
+    asked = os.environ.get("JAX_PLATFORMS", "cpu").split(",")
+    return isinstance(error, AssertionError) and "cpu" not in asked and not runtime.backend_is_up()
 
 
 def _run(argv: Sequence[str], own_process: bool) -> int:

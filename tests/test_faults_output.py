@@ -12,8 +12,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import coopmm_jax
-from coopmm_jax import plotting
-from coopmm_jax.cli import main
+from coopmm_jax import plotting, runtime
+from coopmm_jax.cli import main, told
 from coopmm_jax.errors import Notice
 from coopmm_jax.plotting import style
 from coopmm_jax.scenario.scenario import shipped
@@ -181,3 +181,11 @@ def test_a_checkout_runs_without_being_installed(tmp_path):
     assert "[plant]:" in explained.stdout
     asked = run("-c", "from coopmm_jax.kinds.software import versions; print(versions()['coopmm_jax'])")
     assert asked.stdout == f"{coopmm_jax.__version__}\n"
+
+
+@pytest.mark.parametrize(("asked", "line"), [("cuda", "was cuda (no device of it)"), ("cuda,cpu", None)])
+def test_platforms_without_a_device_are_told(monkeypatch, asked, line):
+    monkeypatch.setattr(runtime, "backend_is_up", lambda: False)
+    monkeypatch.setenv("JAX_PLATFORMS", asked)
+    must = line and f"JAX_PLATFORMS: must be a platform that JAX has here, {line}"
+    assert told(AssertionError()) == must

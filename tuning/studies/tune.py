@@ -100,6 +100,7 @@ def tune(
         found = state.read(folder, scenario.to_toml()) if resume and folder else None
         say("compiling")
         if not elsewhere.get():  # workers compile what they meet
+            jax.local_devices()  # where there are none, that is raised here, not in a thread of its own
             threading.Thread(target=compile_ahead, args=(before, chosen), name="compile ahead").start()
         problem = build_problem(scenario)
         if folder is not None and not resume:
