@@ -210,7 +210,10 @@ def law(**changes):
         ({"loop.control_period": law(low=0.001, high=0.002, relative=None)}, "uncertainty.loop.control_period: must"),
         ({"plant.gravity.1": FACTOR}, "uncertainty.plant.gravity.1: must be plant.gravity, which has no list of two"),
         ({"plant.m_p.3": FACTOR}, "uncertainty.plant.m_p.3: must be plant.m_p.1 to .2, was plant.m_p.3"),
-        ({"plant.m_p": FACTOR, "plant.masses": FACTOR}, "uncertainty.plant.m_p: must be given once, was given twice"),
+        (
+            {"plant.m_p": FACTOR, "plant.masses": FACTOR},
+            "uncertainty.plant.m_p: must be given once, was given twice, by plant.m_p and plant.masses",
+        ),
         ({"plant.m_p": FACTOR | {"1": FACTOR}}, "uncertainty.plant.m_p.1: must be left out beside plant.m_p, which"),
         ({"plant.masses": law(relative=None)}, "uncertainty.plant.masses.relative: must be true for masses, was false"),
         ({"initial.y": FACTOR}, "uncertainty.initial.y: must be a number that changes the simulation (a factor on 0"),

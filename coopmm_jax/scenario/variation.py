@@ -159,16 +159,16 @@ def vary(scenario: Varied) -> Variation[Varied]:
     for entry in entries:
         if entry.place in idle:
             raise UserError(f"uncertainty.{entry.name}", idle[entry.place], "given")
-    numbers = tuple(number for entry in entries for number in numbers_of(scenario, entry))
-    seen: set[str] = set()
-    for number in numbers:
+    given = [(entry, number) for entry in entries for number in numbers_of(scenario, entry)]
+    seen: dict[str, str] = {}
+    for entry, number in given:
         both = {number.name, number.place} | (
             {f"{number.name}.1", f"{number.name}.2"} if number.part is None else set()
         )
-        if seen & both:
-            raise UserError(f"uncertainty.{number.name}", "given once", "given twice")
-        seen.add(number.name)
-    return Variation(scenario, numbers)
+        for name in sorted(seen.keys() & both):
+            raise UserError(f"uncertainty.{number.name}", "given once", f"given twice, by {seen[name]} and {entry.name}")
+        seen[number.name] = entry.name
+    return Variation(scenario, tuple(number for _, number in given))
 
 
 def check(variation: Variation) -> None:
