@@ -166,7 +166,8 @@ def vary(scenario: Varied) -> Variation[Varied]:
             {f"{number.name}.1", f"{number.name}.2"} if number.part is None else set()
         )
         for name in sorted(seen.keys() & both):
-            raise UserError(f"uncertainty.{number.name}", "given once", f"given twice, by {seen[name]} and {entry.name}")
+            twice = f"given twice, by {seen[name]} and {entry.name}"
+            raise UserError(f"uncertainty.{number.name}", "given once", twice)
         seen[number.name] = entry.name
     return Variation(scenario, tuple(number for _, number in given))
 
