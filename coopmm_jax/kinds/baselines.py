@@ -8,35 +8,29 @@ All of them control the forces as below (17). Those on sigma share the kinematic
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple
 
 from coopmm_jax.algebra.types import Scalar, Vector
-from coopmm_jax.kinds.controllers import ESTIMATE, ROW, VELOCITY, Signal, by_module, force_gain, gain
+from coopmm_jax.kinds.controllers import ESTIMATE, VELOCITY, Signal, by_module, gain
 from coopmm_jax.kinds.registry import register
-
-EtaDecay: TypeAlias = Annotated[Scalar, gain("decay of eta (14) [1/s]", (0.05, 500.0))]
-Heading: TypeAlias = Annotated[Scalar, gain("backstepping gain of s1", (1.0, 2000.0))]
-Lateral: TypeAlias = Annotated[Scalar, gain("backstepping gain of s2", (0.05, 100.0))]
-Forward: TypeAlias = Annotated[Scalar, gain("backstepping gain of s3", (0.05, 100.0))]
-Steering: TypeAlias = Annotated[Scalar, gain("backstepping gain of s4, of platforms on two axles", (0.05, 100.0))]
-ArmFeedback: TypeAlias = Annotated[Scalar, gain("arm position feedback (13) [1/s]", (0.02, 100.0))]
-ArmIntegral: TypeAlias = Annotated[Scalar, gain("integral part of sigma, arm entries [1/s]", (0.01, 100.0))]
-SigmaFeedback: TypeAlias = Annotated[Vector, gain("feedback of sigma [1/s]", (0.05, 50.0), VELOCITY)]
-ForceFeedback: TypeAlias = Annotated[Vector, force_gain("force feedback [-]", (0.0, 30.0))]
-ForceIntegral: TypeAlias = Annotated[Vector, gain("integral force feedback [1/s]", (0.05, 200.0), ROW)]
-
-_SIGMA = Signal(
-    "rad/s, m/s, rad/s of each robot",
-    "filtered tracking error",
-    "independent",
-    "\N{GREEK SMALL LETTER SIGMA} [rad/s, m/s]",
+from coopmm_jax.kinds.shared_gains import (
+    FILTER,
+    FORCE,
+    SIGMA,
+    ArmFeedback,
+    ArmIntegral,
+    DeltaFloor,
+    EtaDecay,
+    ForceFeedback,
+    ForceIntegral,
+    Forward,
+    Heading,
+    Lateral,
+    LowerInertia,
+    SigmaFeedback,
+    Steering,
+    UpperInertia,
 )
-_FORCE = {"force_integral": Signal("N s", "integral of the force error", "row")}
-_FILTER = {
-    "eta": Signal("rad/s", "eta of (15)", "robot"),
-    "integral": Signal("rad", "integral of utilde in sigma", "independent_arm"),
-    **_FORCE,
-}
 
 
 @register("controller", "model_based")
@@ -58,7 +52,7 @@ class ModelBased(NamedTuple):
     lateral = "k2"
     tuned = ("K_sigma", "K_lambda", "K_I")
     shown = ("sigma", "force_integral")
-    signals = {"sigma": _SIGMA, **_FILTER}  # noqa: RUF012 - a constant
+    signals = {"sigma": SIGMA, **FILTER}  # noqa: RUF012 - a constant
 
 
 @register("controller", "robust_fixed")
@@ -77,19 +71,17 @@ class RobustFixed(NamedTuple):
     c: Annotated[Vector, gain("bounds of the uncertainty in (19)", (0.01, 100.0), ESTIMATE)] = (1.0,) * 5
     K_lambda: ForceFeedback = (0.3,) * 4
     K_I: ForceIntegral = (1.5,) * 4
-    beta: Annotated[Scalar, gain("bound of Property 2.2 in (19) [-]", (0.01, 100.0))] = 1.0
-    lam_min: Annotated[
-        Scalar, gain("lower bound of the reduced inertia's eigenvalues, Property 2.1", (0.01, 100.0), above=0.0)
-    ] = 1.0
-    delta_floor: Annotated[Scalar, gain("lower bound of delta(t) in (19) [-]", (1e-4, 1.0), section="law")] = 0.0
+    beta: UpperInertia = 1.0
+    lam_min: LowerInertia = 1.0
+    delta_floor: DeltaFloor = 0.0
 
     lateral = "k2"
     tuned = ("K_sigma", "c", "K_lambda", "K_I")
     shown = ("sigma", "robust_force")
     signals = {  # noqa: RUF012 - a constant
-        "sigma": _SIGMA,
+        "sigma": SIGMA,
         "robust_force": Signal("N m, N, N m of each robot", "robust term U2 of (19)", "independent", "U2 [N m, N]"),
-        **_FILTER,
+        **FILTER,
     }
 
 
@@ -115,9 +107,9 @@ class SlidingMode(NamedTuple):
     tuned = ("K_sigma", "K_switch", "layer", "K_lambda", "K_I")
     shown = ("sigma", "switching")
     signals = {  # noqa: RUF012 - a constant
-        "sigma": _SIGMA,
+        "sigma": SIGMA,
         "switching": Signal("rad/s^2, m/s^2, rad/s^2 of each robot", "acceleration towards the surface", "independent"),
-        **_FILTER,
+        **FILTER,
     }
 
 
@@ -138,7 +130,7 @@ class ComputedTorque(NamedTuple):
     signals = {  # noqa: RUF012 - a constant
         "position_error": Signal("rad, m, rad of each robot", "errors p of the joints' positions", "independent"),
         "velocity_error": Signal("rad/s, m/s, rad/s of each robot", "errors u^1 - r of their rates", "independent"),
-        **_FORCE,
+        **FORCE,
     }
 
 
@@ -164,5 +156,5 @@ class Pid(NamedTuple):
         "joint_error": Signal("rad", "errors of wheels and independent arm joints", "independent"),
         "joint_rate_error": Signal("rad/s", "errors of their rates", "independent"),
         "error_integral": Signal("rad s", "integral of their errors", "independent"),
-        **_FORCE,
+        **FORCE,
     }
