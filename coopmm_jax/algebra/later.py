@@ -23,11 +23,12 @@ class _Later:
 if TYPE_CHECKING:
     import jax
     import jax.numpy as jnp
+    from jax import lax
 
     from coopmm_jax.algebra.angle import angle_of
     from coopmm_jax.algebra.sincos import sincos, wrapped
 else:
-    jax, jnp = _Later("jax"), _Later("jax.numpy")
+    jax, jnp, lax = _Later("jax"), _Later("jax.numpy"), _Later("jax.lax")
 
     def angle_of(x, y):
         """Angle of a vector (x, y) of scalars [rad], see ``algebra/angle.py``."""
@@ -42,4 +43,4 @@ else:
         return import_module("coopmm_jax.algebra.sincos").wrapped(angle)
 
 
-__all__ = ["angle_of", "jax", "jnp", "sincos", "wrapped"]
+__all__ = ["angle_of", "jax", "jnp", "lax", "sincos", "wrapped"]

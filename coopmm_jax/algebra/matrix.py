@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import overload
 
-from coopmm_jax.algebra.later import jnp
+from coopmm_jax.algebra.later import jnp, lax
 from coopmm_jax.algebra.types import Scalar, Vector
 
 
@@ -26,18 +26,28 @@ def is_zero(a: Scalar) -> bool:
     return _structural(a, 0)
 
 
+def _alike(a: Scalar, b: Scalar) -> bool:
+    """True for arrays of one type, whose primitives JAX traces in half the time that its operators take."""
+    kind = getattr(a, "aval", None)
+    return kind is not None and kind == getattr(b, "aval", None)
+
+
 def add(a: Scalar, b: Scalar) -> Scalar:
     """Scalars a + b, dropping structural zeros."""
     if _structural(a, 0):
         return b
-    return a if _structural(b, 0) else a + b
+    if _structural(b, 0):
+        return a
+    return lax.add(a, b) if _alike(a, b) else a + b
 
 
 def sub(a: Scalar, b: Scalar) -> Scalar:
     """Scalars a - b, dropping structural zeros."""
     if _structural(b, 0):
         return a
-    return -b if _structural(a, 0) else a - b
+    if _structural(a, 0):
+        return -b
+    return lax.sub(a, b) if _alike(a, b) else a - b
 
 
 def mul(a: Scalar, b: Scalar) -> Scalar:
@@ -46,7 +56,9 @@ def mul(a: Scalar, b: Scalar) -> Scalar:
         return 0
     if _structural(a, 1):
         return b
-    return a if _structural(b, 1) else a * b
+    if _structural(b, 1):
+        return a
+    return lax.mul(a, b) if _alike(a, b) else a * b
 
 
 def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:

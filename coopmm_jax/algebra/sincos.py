@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -91,7 +92,11 @@ def sincos(x: Scalar) -> tuple[Scalar, Scalar]:
     everything else. Half angles make one interval of the whole circle: choosing quadrants instead takes comparisons,
     which XLA does not fuse with their neighbours, eight small loops more for each of the angles here.
     """
-    x = jnp.asarray(x)
+    return _by_series(jnp.asarray(x))
+
+
+@functools.partial(jax.jit, inline=True)  # traced once: a rollout takes some thirty sines, a quarter of its equations
+def _by_series(x: jax.Array) -> tuple[jax.Array, jax.Array]:
     series = _DOUBLE if x.dtype == jnp.float64 else _SINGLE
     n = jnp.floor(x * (0.5 / jnp.pi) + 0.5)
     h = 0.5 * x
