@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -15,7 +16,6 @@ from coopmm_jax.control.standing import standing_start
 from coopmm_jax.loop.devices import initial_devices
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.compliant_contact import pressed_in
-from coopmm_jax.mechanics.constrained_kinematics import Kinematics
 from coopmm_jax.mechanics.coordinates import AnyPosition
 from coopmm_jax.mechanics.guide import carriage_step, first_phase, needs_carriage
 from coopmm_jax.mechanics.model import Model
@@ -40,33 +40,29 @@ class Start(NamedTuple):
 
 def initial_state(structure: Structure, model: Model, parameters: Parameters) -> Start:
     """Robots at rest on the constraints, by Newton's iteration on the dependent joints and a rail's carriage."""
-    n = sum(map(len, partition(structure.rows, structure.joints).independent))
     zero = parameters.plant.gravity * 0.0
-    still = (zero,) * n
+    still = (0,) * sum(map(len, partition(structure.rows, structure.joints).independent))
     rigid = structure._replace(contact="rigid")
     pressed = _pressed_in(structure, model, zero)
 
-    def solve(position: Pair[AnyPosition], carriage: Vector) -> tuple[Kinematics, Vector]:
+    def newton(at: tuple[Pair[AnyPosition], Vector], _: None) -> tuple[tuple[Pair[AnyPosition], Vector], tuple]:
+        position, carriage = at
         k = plant_kinematics(rigid, model, zero, position, still, carriage)
-        return k, plus(k.reduction.rows.phi, pressed)
-
-    def newton(at: tuple[Pair[AnyPosition], Vector], _: None) -> tuple[tuple[Pair[AnyPosition], Vector], None]:
-        k, residual = solve(*at)
-        moved = per_robot(arm_moved, at[0], dependent_solution(k.reduction, residual))
-        return (moved, tuple(s + carriage_step(k.bodies.guide) for s in at[1])), None
+        residual = plus(k.reduction.rows.phi, pressed)
+        moved = per_robot(arm_moved, position, dependent_solution(k.reduction, residual))
+        met = functools.reduce(jnp.maximum, map(jnp.abs, residual))
+        there = (at, met, k.reduction.determinants, k.bodies.contact.facing)
+        return (moved, tuple(s + carriage_step(k.bodies.guide) for s in carriage)), there
 
     carriage = (zero + first_phase(model.guide, zero),) if needs_carriage(structure.rows, model) else ()
     first = (standing_start(model, parameters, zero), carriage)
-    (position, carriage), _ = jax.lax.scan(newton, first, None, length=_NEWTON_STEPS)
-    k, residuals = solve(position, carriage)
-    residual = jnp.abs(residuals[0])
-    for phi in residuals[1:]:
-        residual = jnp.maximum(residual, jnp.abs(phi))
+    _, passed = jax.lax.scan(newton, first, None, length=_NEWTON_STEPS + 1)
+    (position, carriage), residual, determinants, facing = jax.tree.map(lambda x: x[-1], passed)
     started = model.gains.start(Freedom.of(structure), zero)
     controller = jax.tree.map(lambda x: jnp.asarray(x, jnp.result_type(zero)), started)
     velocity = (zero,) * sum(map(len, partition(structure.plant_rows, structure.joints).independent))
     state = State(position, velocity, controller, initial_devices(structure, zero), carriage)
-    return Start(state, residual, k.reduction.determinants, k.bodies.contact.facing)
+    return Start(state, residual, determinants, facing)
 
 
 def _pressed_in(structure: Structure, model: Model, zero: Scalar) -> Vector:
