@@ -59,6 +59,9 @@ def _with_late_sensor(now: Instant, command: Command) -> Action:
     commanded, target = _torques(now, command, _wanted(now, error))
     lagging = now.structure.features.actuator_lag
     applied = by_robot(now.state.devices.torque, now.structure.joints[0]) if lagging else target
+    if now.structure.substeps:
+        # Nothing here depends on the motion, and the integration of the period finds it (``sampled_loop._next``).
+        return Action(error, commanded, target, applied, Accelerations((), ((), ()), _desired(now)))
     return Action(error, commanded, target, applied, _response(now, applied))
 
 

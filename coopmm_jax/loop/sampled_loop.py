@@ -137,7 +137,7 @@ def _next(
 ) -> tuple[State, Signals]:
     """State at the next sample; the signals with lambda of the first integration stage.
 
-    That lambda is computed anyway; the one that ``_decide`` finds then need not be.
+    That lambda is computed anyway; ``_decide`` need not find one, and behind a late sensor finds none.
     """
     controller = jax.tree.map(lambda x, rate: x + period * rate, state.controller, decision.controller)
     devices = sense(structure, model, sample, period, state.devices, forces, decision.noise)
