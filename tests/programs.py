@@ -30,7 +30,7 @@ class Program:
     def __init__(self, structure, room=STEPS):
         def run(parameters, step, steps):
             self.traces += 1
-            return rollout(structure, parameters, step, steps, Plan.batch(room), record=True)
+            return rollout(structure, parameters, step, steps, Plan.alone(room), record=True)
 
         self.room = room
         self.traces = 0  # how often JAX has traced the rollout: once per compilation
