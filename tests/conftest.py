@@ -9,6 +9,7 @@ import jax
 import pytest
 
 import coopmm_jax
+from coopmm_jax.kinds import plugins, registry
 from coopmm_jax.parameters import Parameters, Structure
 from tests.pictures import render_each_kind_once
 from tests.programs import Program
@@ -70,3 +71,11 @@ def paper_run(programs):
 def simulated_paper():
     """``simulate`` on the first second of the paper's run."""
     return coopmm_jax.simulate(coopmm_jax.load_scenario("paper", simulation={"duration": 1.0}))
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    """A registry that forgets what the test registers."""
+    monkeypatch.setattr(registry, "_KINDS", {group: dict(kinds) for group, kinds in registry._KINDS.items()})
+    monkeypatch.setattr(plugins, "_loaded", {})
+    monkeypatch.setattr(plugins, "_contents", {})

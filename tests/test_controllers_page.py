@@ -8,7 +8,7 @@ import pytest
 
 import coopmm_jax as cm
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds import plugins, registry
+from coopmm_jax.kinds import registry
 from tests import plugin_page
 from tests.pages import carried_out, commands
 from tests.small_commands import SWEPT
@@ -33,14 +33,6 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("reader")
     (place / NAME).write_text(SOURCE, encoding="utf-8")
     return place
-
-
-@pytest.fixture
-def registered(monkeypatch):
-    """A registry that forgets what the test registers."""
-    monkeypatch.setattr(registry, "_KINDS", {group: dict(kinds) for group, kinds in registry._KINDS.items()})
-    monkeypatch.setattr(plugins, "_loaded", {})
-    monkeypatch.setattr(plugins, "_contents", {})
 
 
 @pytest.fixture(scope="module")

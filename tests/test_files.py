@@ -1,7 +1,6 @@
 """Files and result folders are complete or not there, belong to one process, and are where the user says."""
 
 import json
-import os
 import subprocess
 import sys
 
@@ -217,17 +216,3 @@ def test_what_can_be_no_path_is_one_line(path, words, option, tmp_path, monkeypa
     assert said.startswith(f"coopmm: error: {option}: must be ")
     assert said.count("\n") == 1
     assert not list(tmp_path.iterdir())
-
-
-def test_the_cache_is_where_the_environment_says(tmp_path, monkeypatch):
-    monkeypatch.setenv("HOME", str(tmp_path))
-    code = "from coopmm_jax import runtime; print(runtime.use_compilation_cache())"
-    for given, expected in (("~/cache", f"{tmp_path}/cache\n"), ("~nobody-of-this-name", "")):
-        environment = os.environ | {"COOPMM_CACHE_DIR": given}
-        done = subprocess.run(
-            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
-        )
-        assert done.stdout == expected
-    assert done.stderr.endswith(
-        "UserError: COOPMM_CACHE_DIR: must be a path of an existing user's folder, was ~nobody-of-this-name\n"
-    )

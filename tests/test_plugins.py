@@ -4,6 +4,8 @@ import ast
 import json
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -66,14 +68,6 @@ def results(folder):
     """Outcome of each command, and of the block of Python, all in one process."""
     jobs = [("command", command, small(command)) for command in COMMANDS] + [("block", block, []) for block in USE]
     return carried_out((folder, jobs))[0]
-
-
-@pytest.fixture
-def registered(monkeypatch):
-    """A registry that forgets what the test registers."""
-    monkeypatch.setattr(registry, "_KINDS", {group: dict(kinds) for group, kinds in registry._KINDS.items()})
-    monkeypatch.setattr(plugins, "_loaded", {})
-    monkeypatch.setattr(plugins, "_contents", {})
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[:60])
@@ -302,6 +296,12 @@ class Constant(NamedTuple):
 
     def value(self, t):
         return 1.0 + 0.0 * t
+
+
+def test_a_plugin_can_be_the_first_that_a_process_loads(tmp_path):
+    file = written(tmp_path, DISTURBANCE + SQUARE)
+    code = "import sys, coopmm_jax as cm; cm.load_plugin(sys.argv[1])"
+    subprocess.run([sys.executable, "-c", code, str(file)], check=True)
 
 
 def test_a_plugin_is_run_once_and_cannot_change_or_share_its_name(registered, tmp_path):

@@ -1,15 +1,17 @@
 """XLA's options: set before the backend starts, merged with the user's, never behind anyone's back."""
 
 import gc
+import json
 import os
 import subprocess
 import sys
-from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import pytest
 
 from coopmm_jax import runtime
+from coopmm_jax.errors import UserError
 
 WHILE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000"
 WHOLE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000000"
@@ -49,21 +51,26 @@ def test_environment_variable_turns_options_off():
     assert in_new_process(code, COOPMM_NO_XLA_OPTIONS="1") == "False"
 
 
-def test_import_after_the_first_computation_changes_nothing():
-    assert in_new_process(f"import jax; jax.numpy.zeros(1); {FLAGS_AFTER_IMPORT}") == ""
-
-
 def test_xla_accepts_the_options_of_fast_compilation():
     code = """
-import os, coopmm_jax, jax
-assert coopmm_jax.runtime.use_fast_compilation()
+import os, coopmm_jax
+from coopmm_jax import runtime
+runtime.use_processor()
+assert runtime.use_fast_compilation()
 print(os.environ["XLA_FLAGS"])
+assert runtime.use_fast_compilation(batches=True)
+print(os.environ["XLA_FLAGS"].split()[-2:])
+import jax
+print(jax.config.jax_platforms)
 with jax.enable_x64(True):
     print(jax.jit(lambda x: jax.lax.fori_loop(0, 3, lambda _, y: y * 1.5, x))(2.0))
-assert coopmm_jax.runtime.use_fast_compilation()
+assert runtime.use_fast_compilation()
 """
-    assert in_new_process(code).splitlines() == [
+    extra = "--xla_backend_extra_options=-"
+    assert in_new_process(code, JAX_PLATFORMS="").splitlines() == [
         f"{WHOLE_LOOPS} {MULTI_OUTPUT} --xla_cpu_prefer_vector_width=512 --xla_backend_optimization_level=1",
+        f"['{extra}vectorize-memory-check-threshold=100000', '{extra}force-target-instruction-cost=100']",
+        "cpu",
         "6.75",
     ]
 
@@ -72,20 +79,6 @@ def test_a_process_that_another_starts_has_the_same_options():
     code = "import os, coopmm_jax; coopmm_jax.runtime.use_fast_compilation(); print(os.environ['XLA_FLAGS'])"
     once = in_new_process(code)
     assert in_new_process(code, XLA_FLAGS=once) == once
-
-
-def test_xla_accepts_the_options_for_batches():
-    code = """
-import os, coopmm_jax, jax
-assert coopmm_jax.runtime.use_fast_compilation(batches=True)
-print(os.environ["XLA_FLAGS"].split()[-2:])
-print(jax.jit(lambda x: x * 1.5)(jax.numpy.ones(3)).sum())
-"""
-    extra = "--xla_backend_extra_options=-"
-    assert in_new_process(code).splitlines() == [
-        f"['{extra}vectorize-memory-check-threshold=100000', '{extra}force-target-instruction-cost=100']",
-        "4.5",
-    ]
 
 
 def test_fast_compilation_after_the_first_computation_is_refused(monkeypatch):
@@ -112,33 +105,51 @@ def test_collections_become_rarer_never_more_frequent(before, after):
         gc.set_threshold(*usual)
 
 
-@pytest.mark.parametrize(
-    ("environment", "folder"),
-    [
-        ({"COOPMM_CACHE_DIR": "{tmp}/mine", "XDG_CACHE_HOME": "{tmp}"}, "mine"),
-        ({"JAX_COMPILATION_CACHE_DIR": "{tmp}/jax", "XDG_CACHE_HOME": "{tmp}"}, "jax"),
-        ({"JAX_COMPILATION_CACHE_DIR": "", "XDG_CACHE_HOME": "{tmp}"}, "coopmm_jax"),
-        ({"JAX_COMPILATION_CACHE_DIR": "", "XDG_CACHE_HOME": "", "HOME": "{tmp}"}, ".cache/coopmm_jax"),
-    ],
-)
-def test_compilation_cache_is_filled(tmp_path, environment, folder):
-    code = """
+CACHES = """
+import json, os, sys, jax
+jax.numpy.zeros(1)
 from coopmm_jax import runtime
-import jax
-folder = runtime.use_compilation_cache()
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-jax.jit(lambda x: x * 3)(1.0)
-print(folder)
+from jax.experimental.compilation_cache import compilation_cache
+print("options:", *os.environ.get("XLA_FLAGS", "").split())
+for environment in json.loads(os.environ["ENVIRONMENTS"]):
+    os.environ.update(environment)
+    jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])  # as JAX does on import
+    print(runtime.use_compilation_cache())
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    compilation_cache.reset_cache()
+    jax.jit(lambda x: x * 3)(1.0)
 """
-    environment = {name: value.format(tmp=tmp_path) for name, value in environment.items()}
-    assert Path(in_new_process(code, **environment)) == tmp_path / folder
-    assert any((tmp_path / folder).iterdir())
+
+
+def test_import_after_the_first_computation_sets_no_option_and_the_cache_is_filled(tmp_path):
+    home, jaxs = {"HOME": f"{tmp_path}"}, f"{tmp_path}/jax"
+    environments = {
+        "mine": {"COOPMM_CACHE_DIR": f"{tmp_path}/mine", "JAX_COMPILATION_CACHE_DIR": jaxs},
+        "own": home | {"COOPMM_CACHE_DIR": "~/own"},
+        "jax": {"COOPMM_CACHE_DIR": "", "XDG_CACHE_HOME": f"{tmp_path}"},
+        "coopmm_jax": {"JAX_COMPILATION_CACHE_DIR": ""},
+        ".cache/coopmm_jax": home | {"XDG_CACHE_HOME": ""},
+    }
+    options, *folders = in_new_process(CACHES, ENVIRONMENTS=json.dumps(list(environments.values()))).splitlines()
+    assert options == "options:"
+    assert folders == [str(tmp_path / name) for name in environments]
+    assert all(any((tmp_path / name).glob("*lambda*")) for name in environments)
+
+
+def test_a_folder_for_the_cache_that_cannot_be_is_told(monkeypatch):
+    monkeypatch.setenv("COOPMM_CACHE_DIR", "~nobody-of-this-name")
+    told = r"^COOPMM_CACHE_DIR: must be a path of an existing user's folder, was ~nobody-of-this-name$"
+    with pytest.raises(UserError, match=told):
+        runtime.use_compilation_cache()
 
 
 @pytest.mark.parametrize(("asked_for", "used"), [("", "cpu"), ("cuda", "cuda")])
-@pytest.mark.parametrize("first", ["", "import jax; "])
-def test_commands_that_do_not_sweep_leave_a_gpu_alone(asked_for, used, first):
-    code = (
-        f"{first}from coopmm_jax import runtime; runtime.use_processor(); import jax; print(jax.config.jax_platforms)"
-    )
+def test_commands_that_do_not_sweep_leave_a_gpu_alone(monkeypatch, asked_for, used):
+    code = "import os; from coopmm_jax import runtime; runtime.use_processor(); print(os.environ['JAX_PLATFORMS'])"
     assert in_new_process(code, JAX_PLATFORMS=asked_for) == used
+    config = SimpleNamespace(jax_platforms=asked_for, update=lambda name, value: setattr(config, name, value))
+    monkeypatch.setitem(sys.modules, "jax", SimpleNamespace(config=config))  # imported, with no backend yet
+    monkeypatch.setattr(runtime, "backend_is_up", lambda: False)
+    monkeypatch.setenv("JAX_PLATFORMS", asked_for)
+    runtime.use_processor()
+    assert (os.environ["JAX_PLATFORMS"], config.jax_platforms) == (used, used)

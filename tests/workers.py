@@ -1,9 +1,6 @@
 """XLA's options of the tests, and workers: what has to run in a process of its own."""
 
 import os
-import subprocess
-import sys
-from types import ModuleType
 
 import jax
 
@@ -37,11 +34,3 @@ def start_worker() -> None:
     """Set up a worker before anything else."""
     runtime.use_fast_compilation()
     jax.config.update("jax_enable_x64", True)
-
-
-def run_worker(worker: ModuleType, *arguments: object) -> str:
-    """Output of ``python -m worker arguments``; its failure is the test's."""
-    command = [sys.executable, "-m", worker.__name__, *map(str, arguments)]
-    done = subprocess.run(command, env=environment(), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import CodeType
 from typing import NamedTuple
 
+import coopmm_jax
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
 from coopmm_jax.kinds.registry import registering
@@ -98,6 +99,7 @@ def load_installed() -> None:
     for point in _installed():
         if point.name in _loaded:
             continue
+        _register_built_in()
         with registering(point.name):
             try:
                 point.load()
@@ -119,7 +121,13 @@ def loaded() -> tuple[Plugin, ...]:
     return tuple(sorted(_loaded.values()))
 
 
+def _register_built_in() -> None:
+    """Declare every group and register the kinds built in, as loading a scenario does too: plugins add to these."""
+    _ = coopmm_jax.load_scenario
+
+
 def _run(file: Path, content: bytes, option: str) -> None:
+    _register_built_in()
     name = f"coopmm_jax_plugin_{file.stem}"
     spec = importlib.util.spec_from_loader(name, loader=None, origin=str(file))
     assert spec is not None
