@@ -11,14 +11,14 @@ import pytest
 import coopmm_jax
 from coopmm_jax.kinds import plugins, registry
 from coopmm_jax.parameters import Parameters, Structure
-from tests.pictures import render_each_kind_once
+from tests.pictures import leave_pictures_blank, rendering
 from tests.programs import Program
 from tests.workers import compile_quickly
 
 pytest_plugins = ["tests.sweeps"]
 
 compile_quickly()
-render_each_kind_once()
+leave_pictures_blank()
 _user_cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 jax.config.update("jax_enable_x64", True)
@@ -47,6 +47,13 @@ def pytest_sessionfinish():
     """Leave nothing to pytest's ten collections at the end: each takes a second over what JAX keeps."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture
+def rendered():
+    """Pictures as users get them; others are blank."""
+    with rendering():
+        yield
 
 
 @pytest.fixture(scope="session")

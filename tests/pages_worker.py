@@ -24,7 +24,7 @@ import jax
 from coopmm_jax import cli, runtime
 from experiments import fuzz_kinds, readme_media
 from experiments.benchmarks import falsify, gradients, loops, rollout, sweep, tuners, tuning_quality
-from tests.pictures import render_each_kind_once
+from tests.pictures import leave_pictures_blank
 from tests.tuning_results import HORIZON
 
 VALUE = re.compile(r"^(\S.*?) +# (-?\d+(?:\.\d+)?) ")  # a line of Python with what it is said to give
@@ -101,7 +101,7 @@ def main():
     """Print the results of each reader."""
     assert runtime.use_fast_compilation()
     make_experiments_small()
-    render_each_kind_once()
+    leave_pictures_blank()
     results = []
     for folder, jobs in json.load(sys.stdin):
         with contextlib.chdir(folder):

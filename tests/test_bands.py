@@ -1,8 +1,8 @@
 """Bands over time: quantiles of the rollouts under way, failures, and axes that fit what is drawn."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from coopmm_jax.plotting.bands import band, finished, scale
 
@@ -12,9 +12,7 @@ WITHIN = (0.05, 0.95)
 
 @pytest.fixture
 def axes():
-    figure, axes = plt.subplots()
-    yield axes
-    plt.close(figure)
+    return Figure().subplots()
 
 
 def edges(area):

@@ -85,14 +85,14 @@ def test_a_figure_that_fails_is_one_warning_and_leaves_no_older_one(simulation, 
     assert json.loads((tmp_path / "summary.json").read_text())["scenario"]["gains"]["k0"] == 4.0
 
 
-def test_a_run_beyond_all_axes_is_kept(tmp_path, capsys):
+def test_a_run_beyond_all_axes_is_kept(rendered, tmp_path, capsys):
     enormous = ["--reference.contact-force", "1e308"]
     assert main(["simulate", "paper", *SHORT, *enormous, "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().err.startswith("coopmm: warning: overview.png was left out (ValueError: ")
     assert sorted(path.name for path in tmp_path.iterdir()) == WRITTEN
 
 
-def test_figures_have_settings_of_their_own(simulated_paper, tmp_path):
+def test_figures_have_settings_of_their_own(rendered, simulated_paper, tmp_path):
     with matplotlib.rc_context({"text.usetex": True, "font.size": 40, "lines.linewidth": 9}):
         style.publish(tmp_path, {"mine.png": lambda: plotting.contact_force(simulated_paper)})
         assert matplotlib.rcParams["text.usetex"]

@@ -7,6 +7,7 @@ from experiments import scenario_pictures
 
 def test_frame_shows_its_time(simulated_paper):
     figure = scenario_pictures.frame(simulated_paper, 0.4)
+    figure.draw_without_rendering()
     assert "t = 0.40 s" in [axes.get_title(loc="left") for axes in figure.axes] + [
         text.get_text() for text in figure.findobj(lambda x: hasattr(x, "get_text"))
     ]
@@ -14,7 +15,9 @@ def test_frame_shows_its_time(simulated_paper):
 
 def test_gaps_are_in_millimetres(simulated_paper, monkeypatch):
     monkeypatch.setattr(scenario_pictures, "KNOCKED", (0.2, 0.3))
-    (axes,) = scenario_pictures.gaps({"one": simulated_paper}).axes
+    figure = scenario_pictures.gaps({"one": simulated_paper})
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
     line = axes.get_lines()[0]
     kept = np.isin(simulated_paper.t, line.get_xdata())
     np.testing.assert_allclose(line.get_ydata(), 1e3 * simulated_paper.constraint_residual[kept, 0], rtol=1e-12)

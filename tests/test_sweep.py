@@ -119,7 +119,7 @@ def test_two_processes_share_a_sweep(start, thousand, tmp_path, monkeypatch, cap
     shared = xarray.open_zarr(tmp_path / "sweep.zarr")
     assert bits(shared) == bits(thousand.isel(sample=slice(300)))
     assert "written to sweep.zarr and sweep-report" in capsys.readouterr().out
-    assert (tmp_path / "sweep-report" / "requirements.png").stat().st_size > 10_000
+    assert (tmp_path / "sweep-report" / "requirements.png").exists()
 
 
 def test_processes_find_each_other_through_a_coordinator():

@@ -68,7 +68,7 @@ def test_intervals_of_rank_correlation_cover_the_truth():
     assert 366 <= covered <= 392  # 95 % of 400, give or take three standard deviations
 
 
-def test_report_text_and_files(kept, tmp_path):
+def test_report_text_and_files(rendered, kept, tmp_path):
     results = read_results(kept)
     text = report.text(results)
     assert "100 samples of 0.05 s, seed 0" in text
