@@ -3,9 +3,12 @@
 import jax
 import numpy as np
 
+from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.kinds.surfaces import Conic, Plane, Profile
+from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics import robot_kinematics
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
+from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.partitioning import dependent_solution
 from coopmm_jax.parameters import ALL_ROWS, Geometry, Inertia, Parameters, Plant, Pose, Surface
@@ -55,6 +58,23 @@ def random_pair(rng):
         [radius * np.cos(th), radius * np.sin(th), [th, th], [1.2, 1.57], [-0.7, 2.1], [1.5, 2.1]]
     )
     return plant, nominal + rng.uniform(-0.2, 0.2, (2, 6))
+
+
+def random_states(rng, count, at=None):
+    """Times (count,) and states of the paper's loop around its nominal motion, at random times or all ``at`` one."""
+
+    def around(*values, width=0.1):
+        return tuple(value + rng.uniform(-width, width, count) for value in values)
+
+    t = rng.uniform(0, 5, count) if at is None else np.full(count, at)
+    position = tuple(
+        Position(t + around(0.0)[0], *around(radius, 0.0, *arm))
+        for radius, arm in ((2.4, (1.2, -0.7, 1.5)), (1.0, (1.57, 2.1, 2.1)))
+    )
+    controller = ControllerState(
+        around(0.0, 0.0), around(0.0, 0.0), around(*(1.0,) * 5, width=0.9), around(*(0.0,) * 4)
+    )
+    return t, State(position, around(1.0, 0.0, 0.0, 1.0, 0.0, 0.0), controller)
 
 
 def at_surface(shape, seed):

@@ -11,6 +11,7 @@ import coopmm_jax as cm
 from coopmm_jax.sweeps import measure
 
 BATCH = 8
+MANY = 500  # samples
 ENTRIES = {
     "plant.masses": {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True, "each": True},
     "disturbance.scale": {"distribution": "log_uniform", "low": 0.1, "high": 1e6},  # the strongest end in failure
@@ -48,8 +49,8 @@ def sweep(scenario):
 
 
 @pytest.fixture(scope="session")
-def thousand(sweep):
-    return sweep(1000)
+def many(sweep):
+    return sweep(MANY)
 
 
 @pytest.fixture(scope="session")

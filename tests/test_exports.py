@@ -34,8 +34,8 @@ def test_a_run_is_a_netcdf_file(simulated_paper, tmp_path):
         assert np.isnan(found.attrs["status_time"])
 
 
-def test_a_sweep_is_a_netcdf_file(kept, thousand, tmp_path):
-    for name, data in (("kept", kept), ("without series", thousand)):
+def test_a_sweep_is_a_netcdf_file(kept, many, tmp_path):
+    for name, data in (("kept", kept), ("without series", many)):
         data.to_netcdf(tmp_path / f"{name}.nc")
         with xarray.open_dataset(tmp_path / f"{name}.nc") as found:
             same_arrays(found, data)

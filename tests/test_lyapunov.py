@@ -10,12 +10,9 @@ import numpy as np
 import pytest
 
 import coopmm_jax as cm
-from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds.disturbances import Disturbance
 from coopmm_jax.loop.closed_loop import closed_loop
-from coopmm_jax.loop.state import State
-from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import (
     ALL_ROWS,
@@ -31,6 +28,7 @@ from coopmm_jax.parameters import (
 from coopmm_jax.proof import lyapunov, margins
 from coopmm_jax.proof import terms as proof_terms
 from coopmm_jax.proof.steps import check_loop
+from tests import samples
 from tests.oracles import lagrangian
 from tests.samples import assert_close, poses
 from tests.workers import environment
@@ -42,20 +40,7 @@ CORRECTED = Structure(u26="corrected")
 
 def random_states(seed, at=None):
     """COUNT states around the nominal motion, each at a time of its own or all ``at`` one."""
-    rng = np.random.default_rng(seed)
-
-    def around(*values, width=0.1):
-        return tuple(value + rng.uniform(-width, width, COUNT) for value in values)
-
-    t = rng.uniform(0, 5, COUNT) if at is None else np.full(COUNT, at)
-    position = tuple(
-        Position(t + around(0.0)[0], *around(radius, 0.0, *arm))
-        for radius, arm in ((2.4, (1.2, -0.7, 1.5)), (1.0, (1.57, 2.1, 2.1)))
-    )
-    controller = ControllerState(
-        around(0.0, 0.0), around(0.0, 0.0), around(*(1.0,) * 5, width=0.9), around(*(0.0,) * 4)
-    )
-    return t, State(position, around(1.0, 0.0, 0.0, 1.0, 0.0, 0.0), controller)
+    return samples.random_states(np.random.default_rng(seed), COUNT, at)
 
 
 def terms_of(parameters, seed=0, structure=CORRECTED):

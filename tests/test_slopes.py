@@ -11,6 +11,7 @@ from coopmm_jax.cli import main
 from coopmm_jax.sweeps.slopes import ALL, Estimate, is_counted, slopes, weights
 from coopmm_jax.sweeps.statistics import outcomes, read_results
 from tests.reading import Reading
+from tests.sweeps import MANY
 
 
 def test_estimates_are_those_of_closed_forms():
@@ -34,21 +35,13 @@ def test_failed_rollouts_and_constants_weigh_nothing():
     assert not weights(np.full(5, -np.inf)).any()
 
 
-SAMPLES = 500
-
-
 @pytest.fixture(scope="module")
-def swept(thousand):
-    return thousand.isel(sample=slice(SAMPLES))
+def found(many):
+    return slopes(many)
 
 
-@pytest.fixture(scope="module")
-def found(swept):
-    return slopes(swept)
-
-
-def test_slopes_by_a_limit_are_those_of_moving_it(swept, found):
-    results = read_results(swept)
+def test_slopes_by_a_limit_are_those_of_moving_it(many, found):
+    results = read_results(many)
     for name, metric, by in (("force_min >=", "force_min", 8.0), ("torque_peak <=", "torque_peak", 30.0)):
         requirement = next(each for each in results.requirements if each.metric == metric)
         at = requirement.limit
@@ -64,7 +57,7 @@ def test_slopes_by_a_gain_are_those_of_other_sweeps(found, scenario, sweep):
     gain, by = "K_lambda", 0.25
     at = getattr(scenario.gains, gain)
     ends = [
-        {row.requirement: row.success.estimate for row in outcomes(read_results(sweep(SAMPLES, scenario=changed)))}
+        {row.requirement: row.success.estimate for row in outcomes(read_results(sweep(MANY, scenario=changed)))}
         for changed in (scenario.with_overrides({f"gains.{gain}": at * factor}) for factor in (1 - by, 1 + by))
     ]
     checked = 0
@@ -72,14 +65,14 @@ def test_slopes_by_a_gain_are_those_of_other_sweeps(found, scenario, sweep):
         if each.number == f"gains.{gain}":
             brute = (ends[1][each.requirement] - ends[0][each.requirement]) / (2 * by * at)
             # Of the samples that both sweeps share, those that change sides are counted: a Poisson number.
-            changed = np.sqrt(SAMPLES * abs(brute) * 2 * by * at + 1) / (SAMPLES * 2 * by * at)
+            changed = np.sqrt(MANY * abs(brute) * 2 * by * at + 1) / (MANY * 2 * by * at)
             assert each.slope == pytest.approx(brute, abs=3 * np.hypot(each.error, changed)), each
             checked += 1
     assert checked == 5
 
 
-def test_slopes_are_printed_and_kept(swept, found, scenario, tmp_path, monkeypatch, capsys):
-    assert {each.requirement for each in found} == {*map(str, read_results(swept).requirements), ALL}
+def test_slopes_are_printed_and_kept(many, found, scenario, tmp_path, monkeypatch, capsys):
+    assert {each.requirement for each in found} == {*map(str, read_results(many).requirements), ALL}
     (tmp_path / "mine.toml").write_text(scenario.to_toml())
     monkeypatch.chdir(tmp_path)
     small = ("--samples", "64", "--batch", "8", "--keep", "0")

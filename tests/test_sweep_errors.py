@@ -44,7 +44,7 @@ def test_a_store_by_other_settings_is_refused(sweep, scenario, tmp_path, capsys)
     assert capsys.readouterr().out == f"{store}: 8 of 8 samples (100%)\n"
 
 
-def test_a_corrupt_chunk_is_named_and_can_be_computed_again(sweep, thousand, tmp_path, capsys):
+def test_a_corrupt_chunk_is_named_and_can_be_computed_again(sweep, many, tmp_path, capsys):
     store = tmp_path / "sweep.zarr"
     sweep(24, out=store)
     chunk = chunk_file(store, "metrics", 1, 2)
@@ -57,11 +57,11 @@ def test_a_corrupt_chunk_is_named_and_can_be_computed_again(sweep, thousand, tmp
     said = f"coopmm: error: store: {must}, was {store} (samples 8 to 15: metrics/c/1/0 is corrupt)\n"
     assert captured.err == said
     assert "\n16 of 24 samples (the rest is not there yet) of " in captured.out
-    assert bits(sweep(24, out=store, resume=True)) == bits(thousand.isel(sample=slice(24)))
+    assert bits(sweep(24, out=store, resume=True)) == bits(many.isel(sample=slice(24)))
 
 
 @pytest.mark.parametrize("growing", [True, False])
-def test_a_full_disk_loses_nothing(sweep, thousand, tmp_path, growing):
+def test_a_full_disk_loses_nothing(sweep, many, tmp_path, growing):
     """Neither while the store grows, nor while a batch is written."""
     store = tmp_path / "sweep.zarr"
     sweep(8 if growing else 40, out=store)
@@ -76,7 +76,7 @@ def test_a_full_disk_loses_nothing(sweep, thousand, tmp_path, growing):
             sweep(40, out=store, resume=True)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert bits(sweep(40, out=store, resume=True)) == bits(thousand.isel(sample=slice(40)))
+    assert bits(sweep(40, out=store, resume=True)) == bits(many.isel(sample=slice(40)))
 
 
 @pytest.mark.parametrize(

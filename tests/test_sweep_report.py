@@ -15,20 +15,20 @@ from coopmm_jax.sweeps import figures, report, statistics
 from coopmm_jax.sweeps.measure import SERIES
 from coopmm_jax.sweeps.statistics import read_results
 from tests.reading import Reading
-from tests.sweeps import REQUIRED, SENTENCES
+from tests.sweeps import MANY, REQUIRED, SENTENCES
 
 
-def test_report_numbers(thousand):
-    results = read_results(thousand)
-    table = dict(zip(thousand.metric.values, thousand.metrics.values.T, strict=True))
-    ok = thousand.status.values == Status.OK
+def test_report_numbers(many):
+    results = read_results(many)
+    table = dict(zip(many.metric.values, many.metrics.values.T, strict=True))
+    ok = many.status.values == Status.OK
     pressing = ok & (table["force_min"] >= -90)
     calm = ok & (table["torque_peak"] <= 200)
     spoken = [ok & (table[name] >= 0) for name in SENTENCES]
     rows = statistics.outcomes(results)
     all_met = np.logical_and.reduce([pressing, calm, *spoken])
     assert [row.passed for row in rows] == [int(met.sum()) for met in (ok, pressing, calm, *spoken, all_met)]
-    assert 0 < rows[-1].passed < rows[0].passed < 1000
+    assert 0 < rows[-1].passed < rows[0].passed < MANY
     force = table["force_min"][ok]
     summary = statistics.spread(results, "force_min")
     assert summary[:4] == (np.median(force), *np.quantile(force, [0.05, 0.95]), force.min())
@@ -39,16 +39,16 @@ def test_report_numbers(thousand):
     assert distance["recovers"].median == pytest.approx(np.median(table["recovers"][ok]), rel=1e-12)
 
 
-def test_a_failed_rollout_is_below_every_other(thousand):
-    failed, share = thousand.status.values != Status.OK, thousand.status_time.values / 0.05
+def test_a_failed_rollout_is_below_every_other(many):
+    failed, share = many.status.values != Status.OK, many.status_time.values / 0.05
     for name, scale in (("presses", 80.0), ("recovers", 60.0)):
-        robustness = thousand.metrics.sel(metric=name).values
+        robustness = many.metrics.sel(metric=name).values
         assert robustness[~failed].min() > -1e6
         np.testing.assert_allclose(robustness[failed], -1e6 * scale * (2 - share[failed] * 50 / 51), rtol=1e-12)
 
 
-def test_what_matters_is_found(thousand):
-    results = read_results(thousand)
+def test_what_matters_is_found(many):
+    results = read_results(many)
     assert statistics.telling(results) == ["completed", *REQUIRED]
     for metric in ("completed", "force_min", "torque_peak"):
         strongest, interval = next(iter(statistics.sensitivities(results, metric).items()))
@@ -116,20 +116,20 @@ def test_figures_show_the_numbers(kept):
     assert worst.lines[-1].get_xdata().min() > 0.5
 
 
-def test_figures_refuse_what_they_cannot_draw(thousand, sweep, scenario):
+def test_figures_refuse_what_they_cannot_draw(many, sweep, scenario):
     with pytest.raises(UserError, match=r"^keep: must be at least 1 for bands over time, was 0$"):
-        figures.sweep_bands(thousand)
+        figures.sweep_bands(many)
     quiet = sweep(8, scenario.with_overrides({"requirements": {"contact_loss_fraction": "<= 1"}}), sampling="sobol")
     assert statistics.telling(read_results(quiet.isel(sample=slice(2)))) == []
     with pytest.raises(UserError, match=r"^sweep: must be one with samples that differ"):
         figures.sweep_worst(quiet.isel(sample=slice(2)))
 
 
-def test_simulate_from_a_store(sweep, thousand, tmp_path, capsys):
+def test_simulate_from_a_store(sweep, many, tmp_path, capsys):
     sweep(8, out=tmp_path / "sweep.zarr")
     assert main(["simulate", "--from", str(tmp_path / "sweep.zarr"), "--sample", "5"]) == 0
     *_, calm, _, _ = lines = capsys.readouterr().out.splitlines()
-    force, torque = (float(thousand.metrics.sel(metric=name)[5]) for name in ("force_min", "torque_peak"))
+    force, torque = (float(many.metrics.sel(metric=name)[5]) for name in ("force_min", "torque_peak"))
     assert dict(line.split()[:2] for line in lines[2:])["force_min"] == f"{force:.6g}"
     met = "met" if torque <= 200 else "not met"
     assert calm == f"  requirement torque_peak <= 200: {met} (robustness {200 - torque:.4g} N m)"
@@ -143,14 +143,14 @@ def test_report_with_other_requirements(sweep, tmp_path, capsys):
     assert out.endswith(f"written to {tmp_path / 'sweep-report'}\n")
 
 
-def test_a_sentence_stays_as_it_was_swept_but_its_scale(thousand):
-    swept = read_results(thousand).scenario
+def test_a_sentence_stays_as_it_was_swept_but_its_scale(many):
+    swept = read_results(many).scenario
     scaled = swept.with_overrides({"requirements.presses": {"require": SENTENCES["presses"], "scale": 2.0}})
-    assert read_results(thousand, scaled).metrics["presses"] is not None
+    assert read_results(many, scaled).metrics["presses"] is not None
     for other in ("presses", "more"):
         changed = swept.with_overrides({f"requirements.{other}": "always contact_force >= -70"})
         with pytest.raises(UserError, match=rf"^requirements\.{other}: must be "):
-            read_results(thousand, changed)
+            read_results(many, changed)
 
 
 def test_html_is_compact_and_starts_with_what_every_sample_has(kept):
