@@ -1,6 +1,7 @@
 """Gains that change over time or along the path: between knots, in the control law, in files, tuned, compared."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -195,6 +196,23 @@ def test_a_scenario_with_a_schedule_is_tuned_at_its_knots():
         gain_space(scenario.with_overrides({"tuning.schedule": 3}))
     with pytest.raises(UserError, match=r"tuning\.gains: must be without c_hat0"):
         gain_space(load_scenario("paper", tuning={"gains": ["c_hat0"], "schedule": 3}))
+
+
+def test_slopes_by_knots_are_those_of_interpolation():
+    """By the tuned logarithms, of gains two fifths of the way from the second knot to the third."""
+    table = {"times": [0.0, 0.03, 0.08], "k2": [5.0, 8.0, 6.0]}
+    names = ["K_sigma", "K_lambda", "k2", "K_u"]
+    scenario = load_scenario("sensed", schedule=table, tuning={"gains": names, "channels": "shared"})
+    space = gain_space(scenario)
+    assert space.labels()[2] == "k2@t=0"
+
+    @jax.jit
+    def between(vector):
+        found = in_force(space.applied(scenario.parameters(), vector), 0.05)
+        return jnp.stack([found.K_sigma[5], found.K_lambda[3], found.k2, found.K_u])
+
+    expected = np.einsum("k,ki,ij->ikj", [0.0, 0.6, 0.4], np.exp(space.start).reshape(3, 4), np.eye(4))
+    np.testing.assert_allclose(jax.jacfwd(between)(space.start), expected.reshape(4, 12), rtol=1e-14)
 
 
 def test_knots_go_once_round_or_along_an_open_path():

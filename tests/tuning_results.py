@@ -1,7 +1,5 @@
 """Results of tuning that only real rollouts can show, for test_objective.py."""
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax.parameters import Gains
@@ -26,8 +24,6 @@ SCENARIO = {
     },
 }
 STEP = 1e-4  # of central differences
-KNOTS = {"schedule.times": [0.0, 0.03, 0.08]}  # of gains that change over time: one before tracking counts, one after
-KNOTS |= {"schedule.k2": [5.0, 8.0, 6.0], "tuning.gains": ["K_sigma", "K_lambda", "k2", "K_u"]}
 
 
 def results():
@@ -41,36 +37,14 @@ def results():
     others = np.concatenate([start + 0.1 * np.random.default_rng(0).normal(size=(8, space.size)), start[None]])
     weightings = np.outer([*np.linspace(0.1, 5.0, 8), 1.0], search.coefficients)  # one for each candidate
     among, slopes = evaluate.gradients(search.objective, others, samples, weightings)
-    found = {
+    own = evaluate.evaluate(search.objective, start[None], samples)
+    return {
         "gradient": gradients[0].tolist(),
         "central": ((ahead - behind) / (2.0 * STEP)).T.tolist(),
         "alone": [costs[0].tolist(), gradients[0].tolist()],
         "among": [among[8].tolist(), slopes[8].tolist()],
         "names": space.labels(),
-        "terms": evaluate.evaluate(search.objective, start[None], samples).terms[0].tolist(),
+        "terms": own.terms[0].tolist(),
+        "costs": [costs[0].tolist(), own.costs(search.coefficients)[0].tolist()],
         "single": evaluate.evaluate(search.objective, start[None], samples, "float32").terms[0].tolist(),
-    }
-    return found | _over_time()
-
-
-def _over_time():
-    """Slope along one direction of gains at their knots, by forward mode of the plain cost and by a difference."""
-    problem = build_problem(load_scenario("sensed", **SCENARIO).with_overrides(KNOTS))
-    cost, start, samples = problem.cost, problem.start, problem.samples(5, 2)
-    direction = np.random.default_rng(1).normal(size=start.size)
-    parameters = jax.tree.unflatten(samples.structure, list(jnp.asarray(samples.rows.T)))
-
-    @jax.jit
-    def along(vector):
-        of_each = jax.vmap(cost.objective.cost, in_axes=(None, 0, None))
-        return jax.jvp(lambda x: of_each(x, parameters, cost.coefficients), (vector,), (direction,))
-
-    plain, slopes = along(start)
-    step = 0.01 * STEP  # limits begin and end at a sample, which puts bends on the cost
-    moved = start + step * np.array([[0.0], [1.0], [-1.0]]) * direction
-    costs = evaluate.evaluate(cost.objective, moved, samples).costs(cost.coefficients)
-    return {
-        "plain": [plain.tolist(), costs[0].tolist()],
-        "along_knots": [slopes.tolist(), ((costs[1] - costs[2]) / (2.0 * step)).tolist()],
-        "knots": problem.names,
     }
