@@ -30,9 +30,10 @@ jax.config.update(
 # JAX's own threshold of 1 s leaves out most of what these tests compile.
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
-# Files that take longest, first, so that two workers end together.
+# Files that take longest, first, so that two workers end together; the notebooks when the pages, whose programs most of
+# them run, have been carried out.
 _LONGEST = (
-    *("pages", "notebooks", "sweep", "objective", "compare", "path_motion", "faults_damage", "tuning", "gradients"),
+    *("pages", "sweep", "objective", "compare", "path_motion", "faults_damage", "tuning", "gradients", "notebooks"),
     *("compliant_contact", "falsify", "fuzz", "actuators", "lyapunov", "plant"),
 )
 

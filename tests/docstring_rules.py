@@ -1,6 +1,7 @@
 """Rules for docstrings, checked on source text: importing would hide what decorators replace."""
 
 import ast
+import functools
 import re
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -15,6 +16,9 @@ ENTRY = re.compile(r" {4}\*{0,2}(\w+): ")
 EQUATIONS = re.compile(r"\((\d{1,2})\)(?:-\((\d{1,2})\))?")
 
 
+parsed = functools.cache(ast.parse)  # a module's source, which several rules read
+
+
 class Definition(NamedTuple):
     """A public class or function of a module."""
 
@@ -26,7 +30,7 @@ class Definition(NamedTuple):
 
 def definitions(module: str, source: str) -> list[Definition]:
     """The public classes, functions, methods and properties that a module defines."""
-    tree = ast.parse(source)
+    tree = parsed(source)
     raising = _raising(tree)
     found = []
 
@@ -60,7 +64,7 @@ def complaints(definition: Definition) -> list[str]:
 def wording(module: str, source: str) -> list[str]:
     """Complaints about how the docstrings of a module, private ones included, begin and list arguments."""
     said = []
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(parsed(source)):
         if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             continue
         doc, name = ast.get_docstring(node) or "", f"{module}.{getattr(node, 'name', '')}".rstrip(".")
@@ -87,7 +91,7 @@ def _listed(function: ast.FunctionDef, block: str) -> Iterator[str]:
 
 def equations(source: str) -> set[int]:
     """Numbers of the equations that a module's docstrings name."""
-    nodes = ast.walk(ast.parse(source))
+    nodes = ast.walk(parsed(source))
     documented = (node for node in nodes if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef))
     return numbers("\n".join(ast.get_docstring(node) or "" for node in documented))
 

@@ -13,6 +13,7 @@ import json
 import math
 import re
 import shlex
+import subprocess
 import sys
 import time
 import traceback
@@ -22,34 +23,53 @@ from types import SimpleNamespace
 import jax
 
 from coopmm_jax import cli, runtime
+from coopmm_jax.kinds import plugins, registry
+from coopmm_jax.parameters import Gains
 from experiments import fuzz_kinds, readme_media
 from experiments.benchmarks import falsify, gradients, loops, rollout, sweep, tuners, tuning_quality
 from tests.pictures import leave_pictures_blank
-from tests.tuning_results import HORIZON
+from tests.small_commands import COST, HORIZON, SWEPT
 
 VALUE = re.compile(r"^(\S.*?) +# (-?\d+(?:\.\d+)?) ")  # a line of Python with what it is said to give
 
 
 def make_experiments_small():
-    """Make small the experiments that no option makes so: shorter, fewer, or traced without being compiled."""
+    """Make small the experiments that no option makes so: shorter, fewer, or traced without being compiled.
+
+    Costs are those of the commands, which one program has.
+    """
+    cost = {f"tuning.{name}": value for name, value in COST.items()}
     times = dict.fromkeys(("force_time", "robots_time", "tuned_time"), HORIZON)
     readme_media.write_media = functools.partial(readme_media.write_media, **times)
+    compare = readme_media.compare_gains
+    readme_media.compare_gains = lambda scenario, *more, **few: compare(scenario.with_overrides(cost), *more, **few)
     rollout._compiled = _traced
     rollout.apart = lambda _, function, *arguments: function(*arguments)  # a new process would not be small
     ideal = {loops.IDEAL: loops.loops()[loops.IDEAL]}
     loops.loops, loops.DURATIONS = lambda: ideal, {1: 0.01}
     # One sweep for all cases, with the programs of ``coopmm sweep sensed``; what it takes says nothing here.
     sweep.SCENARIO, sweep.LONGEST, sweep.LARGEST = "sensed", math.inf, math.inf
-    sweep.FIRST = sweep.SCALE = sweep.SHORT_FIRST = sweep.FEW = sweep.MANY = sweep.Case(16, 0.1)
+    sweep.FIRST = sweep.SCALE = sweep.SHORT_FIRST = sweep.FEW = sweep.MANY = sweep.Case(16, HORIZON)
     sweep.measure = functools.cache(sweep.measure)
-    falsify.HORIZON = HORIZON
-    tuners.DURATION = HORIZON
+    sweep.subprocess = SimpleNamespace(DEVNULL=subprocess.DEVNULL, Popen=_swept)
+    falsify.HORIZON = tuners.DURATION = HORIZON
+    scenario = falsify.scenario
+    falsify.scenario = lambda *which: scenario(*which).with_overrides(cost)
     tuners.PROBLEMS["shared"][1]["precision"] = "float64"  # one program less to compile
     fuzz_kinds.fuzz = functools.partial(fuzz_kinds.fuzz, rollouts=False)  # test_fuzz.py has them
     # Its command in this process, which has compiled what it runs and can no longer change XLA's options.
     tuning_quality.subprocess = SimpleNamespace(run=lambda line, **_: cli.main(line[3:]))
     tuning_quality.runtime = SimpleNamespace(use_fast_compilation=lambda batches: True, use_compilation_cache=Path)
     gradients._reverse = functools.partial(gradients._differences, step=1e-4)  # the gradient takes half a minute
+    build, few = gradients.build_problem, cost | {"tuning.gains": list(Gains.tuned)}
+    gradients.build_problem = lambda scenario: build(scenario.with_overrides(few))
+
+
+def _swept(line, cwd, stdout):
+    """Run the command of a line of the sweep's benchmark here, and give it a process whose use it can ask for."""
+    with contextlib.chdir(cwd):
+        assert cli.main([*line[3:], *SWEPT[2:]]) == 0
+    return subprocess.Popen([sys.executable, "-c", ""], stdout=stdout)
 
 
 def _traced(name, precision, elements, steps, function, *arguments):
@@ -97,6 +117,17 @@ def carry_out(jobs):
     return results
 
 
+@contextlib.contextmanager
+def a_new_reader(folder):
+    """Work in a folder, with no plugins but those that are named there."""
+    before = registry._KINDS, plugins._loaded, plugins._contents
+    registry._KINDS = {group: dict(kinds) for group, kinds in registry._KINDS.items()}
+    plugins._loaded, plugins._contents = dict(plugins._loaded), dict(plugins._contents)
+    with contextlib.chdir(folder):
+        yield
+    registry._KINDS, plugins._loaded, plugins._contents = before
+
+
 def main():
     """Print the results of each reader."""
     assert runtime.use_fast_compilation()
@@ -104,7 +135,7 @@ def main():
     leave_pictures_blank()
     results = []
     for folder, jobs in json.load(sys.stdin):
-        with contextlib.chdir(folder):
+        with a_new_reader(folder):
             results.append(carry_out(jobs))
     print(json.dumps(results))
 

@@ -1,24 +1,21 @@
 """Sizes that make the commands of the documentation small, so that tests can carry out all of them."""
 
-import json
 import shlex
 
-from tests import tuning_results
-
-SHORT = ["--simulation.duration", str(tuning_results.HORIZON)]
-FEW = {"starts": 4, "samples": 2, "screening-samples": 2, "test-samples": 4, "budget": 0.02}
+HORIZON = 0.04  # [s]: one segment of a batch's rollout, see ``coopmm_jax/sweeps/measure.py``
+SHORT = ["--simulation.duration", str(HORIZON)]
+# Gains and cost of the tutorials at small size, whose programs these are, and of all experiments.
+COST = {"channels": "shared", "tracking_from": HORIZON / 2}
+FEW = {"starts": 4, "samples": 2, "screening_samples": 2, "validation_samples": 4, "test_samples": 4, "budget": 0.01}
 FEW |= {"precision": "float64"}  # one program less to compile
-# The loop of all other commands, and the gains and terms of test_objective.py.
-TUNING = {name: value for name, value in tuning_results.SCENARIO["tuning"].items() if name != "weights"}
-_TUNED = [(f"--tuning.{name}", json.dumps(value)) for name, value in (TUNING | FEW).items()]
-SHORT_TUNING = [*SHORT, *(word for option in _TUNED for word in option)]
+SHORT_TUNING = [*SHORT, *(word for name, value in (COST | FEW).items() for word in (f"--tuning.{name}", str(value)))]
 COMPARED = [*SHORT_TUNING, "--samples", "4"]
 # In batches as large as those that tuning and comparing measure, whose programs these are.
 SWEPT = shlex.split("--samples 16 --batch 32 --keep 2")
 
 # Of the READMEs: every command, with the words that make it small (the worker makes small what has no option for it).
 README = {
-    "python -m experiments.reproduce_paper --out results/paper": ["--duration", str(tuning_results.HORIZON)],
+    "python -m experiments.reproduce_paper --out results/paper": ["--duration", str(HORIZON)],
     "coopmm simulate sensed --gains.K-lambda 2 --out results/run": SHORT,
     "coopmm animate paper --against paper_full --out results/robots.gif": SHORT,
     "coopmm scenarios sensed": [],
@@ -32,7 +29,10 @@ README = {
     "coopmm compare scenario results/tuned --scenario sensed --out results/compared": COMPARED,
     "coopmm tune sensed --pareto 5 --out results/front": [*SHORT_TUNING, "--pareto", "2"],
     "coopmm falsify sensed --out results/worst.toml": [*SHORT_TUNING, "--rollouts", "40", "--starts", "4"],
-    "coopmm falsify sensed --modes 4 --out results/failures": [*SHORT_TUNING, "--rollouts", "40", "--starts", "4"],
+    "coopmm falsify sensed --modes 4 --out results/failures": [
+        *(*SHORT_TUNING, "--rollouts", "40", "--starts", "4"),
+        *("--requirements.force-error-rms-late", "none"),  # the others speak of signals that the command above draws
+    ],
     "coopmm check results/failures --gains-file results/tuned": [
         *shlex.split("--requirements.contact-loss-fraction '<= 1' --requirements.force-error-rms-late '<= 1e3'"),
         *shlex.split("--requirements.object-rms '<= 1e3' --requirements.error-late '<= 1e3'"),
@@ -44,7 +44,7 @@ README = {
     "coopmm --print-completion bash": [],
     "python -m coopmm_jax": ["--version"],
     "coopmm simulate ellipse --reference.path.half-width 1.4 --out results/ellipse": SHORT,
-    "python -m experiments.reproduce_paper": ["--duration", str(tuning_results.HORIZON)],
+    "python -m experiments.reproduce_paper": ["--duration", str(HORIZON)],
     "python -m experiments.paper_checks": ["u26"],
     "python -m experiments.fingerprints": shlex.split("--scenarios paper --parts trajectory"),
     "python -m experiments.fuzz": ["--cases", "20"],
@@ -56,7 +56,7 @@ README = {
         "--batches 2 --steps 1 --scenarios free --precisions float64"
     ),
     "python -m experiments.benchmarks.sweep": [],
-    "python -m experiments.benchmarks.gradients": ["--duration", "0.1"],
+    "python -m experiments.benchmarks.gradients": ["--duration", str(HORIZON)],
     "python -m experiments.benchmarks.falsify": shlex.split("--samples 700 --seeds 1"),
     "python -m experiments.benchmarks.tuning_quality": shlex.split("--scenario short_tuning.toml --seeds 1"),
     "python -m experiments.benchmarks.tuners": shlex.split(
@@ -66,8 +66,8 @@ README = {
 
 # Windows that begin within a short run; what else the sentences say is as on the page.
 TIMELY = [
-    *("--simulation.duration", "0.1", "--requirements.keeps-pressing", "always[0.05, 20] contact_force >= 5"),
-    *("--requirements.follows.require", "always[0.05, inf] abs(contact_force - desired_force) <= 3"),
+    *(*SHORT, "--requirements.keeps-pressing", "always[0.02, 20] contact_force >= 5"),
+    *("--requirements.follows.require", "always[0.02, inf] abs(contact_force - desired_force) <= 3"),
 ]
 # Of the guide: words that make small what begins so; none where the scenario file that is named is small itself.
 GUIDE = {
@@ -89,4 +89,15 @@ GUIDE = {
     "coopmm report": [],
     "coopmm falsify": [],  # in the text alone, as the next
     "coopmm check": [],
+}
+
+# Of the pages on plugins and controllers: words that make small the commands with these words.
+PLUGINS = {
+    "simulate --from": [],
+    "simulate": SHORT,
+    "sweep": [*SHORT, *SWEPT],
+    "tune": SHORT_TUNING,
+    "falsify": [*SHORT_TUNING, "--rollouts", "20", "--starts", "2"],
+    "animate": ["--width", "400", "--fps", "50"],
+    "compare": COMPARED,
 }

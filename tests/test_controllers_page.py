@@ -1,7 +1,6 @@
-"""The page on controllers: its own one as a reader types it, at small size; and what is said of ones that are wrong."""
+"""The page on controllers, whose commands ``test_pages.py`` carries out, and what is said of ones that are wrong."""
 
 import re
-import shlex
 from pathlib import Path
 
 import pytest
@@ -10,48 +9,10 @@ import coopmm_jax as cm
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import registry
 from tests import plugin_page
-from tests.pages import carried_out, commands
-from tests.small_commands import SWEPT
 
 PAGE = Path(__file__).parent.parent / "docs" / "controllers.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 ((NAME, SOURCE),) = plugin_page.files(TEXT).items()
-SHORT = shlex.split("--simulation.duration 0.05 --tuning.tracking-from 0 --tuning.gains K_lambda")
-FEW = {"starts": 2, "samples": 2, "screening-samples": 2, "validation-samples": 2, "test-samples": 4, "budget": 0.002}
-FEW |= {"precision": "float64"}  # one program less to compile
-SMALL = {
-    "simulate": SHORT,
-    "sweep": [*SHORT, *SWEPT],
-    "tune": [*SHORT, *(word for name, value in FEW.items() for word in (f"--tuning.{name}", str(value)))],
-    "compare": [*SHORT, "--samples", "4"],
-}
-COMMANDS = {command.split()[1]: command for command in commands(TEXT) if " --plugin " in command}
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    place = tmp_path_factory.mktemp("reader")
-    (place / NAME).write_text(SOURCE, encoding="utf-8")
-    return place
-
-
-@pytest.fixture(scope="module")
-def results(folder):
-    """Outcome of each command by its name, all in one process."""
-    jobs = [("command", command, SMALL[name]) for name, command in COMMANDS.items()]
-    (done,) = carried_out((folder, jobs))
-    return {name: done[command] for name, command in COMMANDS.items()}
-
-
-@pytest.mark.parametrize("name", SMALL)
-def test_command_of_the_page(results, name):
-    assert results[name]["outcome"] == 0, results[name]["said"]
-
-
-def test_gains_and_signals_are_those_of_the_page(registered, results, folder):
-    assert 'controller = "pd_plus"' in (folder / "tuned" / "gains.toml").read_text(encoding="utf-8")
-    cm.load_plugin(folder / NAME)
-    assert cm.read_run(folder / "run").position_error.shape == (51, 6)
 
 
 def test_controller_of_the_page_takes_forty_lines():

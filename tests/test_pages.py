@@ -1,19 +1,21 @@
-"""Commands and code that READMEs and guide tell a reader to type: every one, as a reader meets it, but small.
+"""Commands and code that READMEs, guide and pages on plugins tell a reader to type: every one, as it stands, but small.
 
 All in one process, as they are of one loop, which is then compiled once.
 """
 
+import json
 import re
 
 import pytest
 from PIL import Image
 
+import coopmm_jax as cm
 from coopmm_jax.scenario.overrides import split
 from coopmm_jax.scenario.scenario import load_scenario
 from experiments import readme_media
 from tests.pages import ROOT, blocks, carried_out, commands, lines
-from tests.plugin_page import files
-from tests.small_commands import GUIDE, README, SHORT_TUNING
+from tests.plugin_page import PAGE, files
+from tests.small_commands import GUIDE, HORIZON, PLUGINS, README, SHORT_TUNING
 
 MAKE = ("make demo", "make test", "make docs")
 READMES = [(ROOT / folder / "README.md").read_text(encoding="utf-8") for folder in (".", "experiments")]
@@ -24,6 +26,7 @@ BLOCKS = [block for text in READMES for block in blocks(text)]
 PAGES = ("own_robots", "own_task", "own_requirement", "own_optimiser", "results", "cluster")
 TEXTS = {page: (ROOT / "docs" / "howto" / f"{page}.md").read_text(encoding="utf-8") for page in PAGES}
 START = (ROOT / "docs" / "start.md").read_text(encoding="utf-8")
+EXTENDED = {page: (PAGE.parent / f"{page}.md").read_text(encoding="utf-8") for page in ("controllers", "plugins")}
 
 
 def small(command):
@@ -35,6 +38,20 @@ def jobs(page):
     """Commands and blocks of a page of the guide."""
     found = [("command", line, small(line)) for line in lines(TEXTS[page])]
     return found + [("block", block, []) for block in blocks(TEXTS[page])]
+
+
+def extension(page):
+    """Commands that name plugins, and then the block without a name of its own, of a page on what can be added."""
+    told = [command for command in commands(EXTENDED[page]) if " --plugin " in command]
+    words = [next(PLUGINS[start] for start in PLUGINS if f" {start} " in command) for command in told]
+    use = [block for block in blocks(EXTENDED[page]) if not block.startswith("# ")]
+    return [*(("command", *each) for each in zip(told, words, strict=True)), *(("block", block, []) for block in use)]
+
+
+def assert_carried_out(results, told):
+    for text in told:
+        outcome = results[text]["outcome"]
+        assert isinstance(outcome, list) or outcome == 0, f"{text}\n{outcome}\n{results[text]['said'][-2000:]}"
 
 
 def given(text):
@@ -52,8 +69,18 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def results(folder, tmp_path_factory):
-    """Outcomes of the commands and blocks of the READMEs and of the guide, in order: some need what others wrote."""
+def extended(tmp_path_factory):
+    """Folder of each reader who extends it, with the files of the page."""
+    folders = {page: tmp_path_factory.mktemp(page) for page in EXTENDED}
+    for page, folder in folders.items():
+        for name, content in files(EXTENDED[page]).items():
+            (folder / name).write_text(content, encoding="utf-8")
+    return folders
+
+
+@pytest.fixture(scope="module")
+def results(folder, extended, tmp_path_factory):
+    """Outcomes of the commands and blocks of all pages, in order: some need what others wrote."""
     newcomer = tmp_path_factory.mktemp("newcomer")
     for text in TEXTS.values():
         for name, content in given(text).items():
@@ -63,6 +90,7 @@ def results(folder, tmp_path_factory):
     return carried_out(
         (folder, [*known, *(("block", block, []) for block in BLOCKS)]),
         (newcomer, [*first, *(job for page in PAGES for job in jobs(page))]),
+        *((place, extension(page)) for page, place in extended.items()),
     )
 
 
@@ -132,9 +160,7 @@ def test_make_has_all_targets_and_every_change_is_tested():
 def test_page_of_the_guide(guide, page):
     told = [text for _, text, _ in jobs(page)]
     assert len(told) >= 2
-    for text in told:
-        outcome = guide[text]["outcome"]
-        assert isinstance(outcome, list) or outcome == 0, f"{text}\n{outcome}\n{guide[text]['said'][-2000:]}"
+    assert_carried_out(guide, told)
 
 
 def test_no_two_pages_use_one_command_or_place():
@@ -156,3 +182,41 @@ def test_commands_in_the_text_are_commands():
     named = [command for text in TEXTS.values() for command in commands(text) if command.startswith("coopmm ")]
     known = (*GUIDE, "coopmm help", "coopmm metrics")
     assert all(any(command.startswith(start) for start in known) for command in named)
+
+
+@pytest.fixture
+def of_extensions(results):
+    """Outcomes by page."""
+    return dict(zip(EXTENDED, results[2:], strict=True))
+
+
+@pytest.mark.parametrize("page", EXTENDED)
+def test_page_on_what_can_be_added(of_extensions, page):
+    told = [text for _, text, _ in extension(page)]
+    assert len(told) >= 4
+    for text in told:
+        outcome = of_extensions[page][text]["outcome"]
+        assert isinstance(outcome, list) or outcome == 0, (
+            f"{text}\n{outcome}\n{of_extensions[page][text]['said'][-2000:]}"
+        )
+
+
+def test_what_plugins_add_is_there(of_extensions, extended):
+    said = {command.split("simulate ")[-1][:6]: result["said"] for command, result in of_extensions["plugins"].items()}
+    assert "elbow_min" in said["bumpy."]
+    swept = next(result["said"] for command, result in of_extensions["plugins"].items() if " sweep " in command)
+    assert re.search(r"elbow_min >= 0.3 +\d+ of 16", swept)
+    assert "disturbance.bump.top" in swept
+    terms = next(result["said"] for command, result in of_extensions["plugins"].items() if " tune " in command)
+    assert re.search(r"\byaw\b", terms)
+    record = json.loads((extended["plugins"] / "run" / "summary.json").read_text())["versions"]
+    used = {f"plugin {name}" for name in files(EXTENDED["plugins"]) if name.endswith("py")}
+    assert {name for name in record if name.startswith("plugin")} == used
+    assert (extended["plugins"] / "worst.toml").read_text().count('kind = "bump"') == 1
+
+
+def test_gains_and_signals_are_those_of_the_controller_of_the_page(of_extensions, extended, registered):
+    folder = extended["controllers"]
+    assert 'controller = "pd_plus"' in (folder / "tuned" / "gains.toml").read_text(encoding="utf-8")
+    cm.load_plugin(folder / "pd_plus.py")
+    assert cm.read_run(folder / "run").position_error.shape == (round(HORIZON / 1e-3) + 1, 6)

@@ -1,12 +1,8 @@
-"""Plugins: those of the page on them, as a reader types them, at small size; and what is wrong with others."""
+"""Plugins: the page on them, whose commands ``test_pages.py`` carries out, and what is wrong with others."""
 
 import ast
-import json
-import re
-import shlex
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -24,73 +20,11 @@ from coopmm_jax.metrics.table import check_finite as check_metrics
 from coopmm_jax.parameters import Gains
 from coopmm_jax.scenario.gains_file import gains_text, read_gains
 from tests import plugin_page
-from tests.pages import blocks, carried_out, commands
-from tests.small_commands import SWEPT
 from tuning.cost.objective import TERMS, Objective
 from tuning.cost.objective import check_finite as check_terms
 
-ROOT = Path(__file__).parent.parent
 TEXT = plugin_page.PAGE.read_text(encoding="utf-8")
 FILES = plugin_page.files(TEXT)
-SHORT = ["--simulation.duration", "0.05"]
-FEW = {"starts": 2, "samples": 2, "screening-samples": 2, "validation-samples": 2, "test-samples": 4, "budget": 0.002}
-FEW |= {"precision": "float64"}  # one program less to compile
-TUNED = shlex.split(
-    f"--simulation.duration 0.05 --tuning.tracking-from 0 --tuning.gains K_lambda --tuning.optimiser cma "
-    f"{' '.join(f'--tuning.{name} {value}' for name, value in FEW.items())}"
-)
-SMALL = {
-    "simulate bumpy.toml": SHORT,
-    "sweep": [*SHORT, *SWEPT],
-    "simulate --from": SHORT,
-    "tune": TUNED,
-    "falsify": [*TUNED, "--rollouts", "20", "--starts", "2"],
-    "animate": ["--width", "400", "--fps", "50"],
-}
-COMMANDS = [command for command in commands(TEXT) if " --plugin " in command]
-USE = [block for block in blocks(TEXT) if not block.startswith("# ")]
-
-
-def small(command):
-    return next(words for start, words in SMALL.items() if f" {start} " in f"{command} ")
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    place = tmp_path_factory.mktemp("reader")
-    for name, content in FILES.items():
-        (place / name).write_text(content, encoding="utf-8")
-    return place
-
-
-@pytest.fixture(scope="module")
-def results(folder):
-    """Outcome of each command, and of the block of Python, all in one process."""
-    jobs = [("command", command, small(command)) for command in COMMANDS] + [("block", block, []) for block in USE]
-    return carried_out((folder, jobs))[0]
-
-
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[:60])
-def test_command_of_the_page(results, command):
-    assert results[command]["outcome"] == 0, results[command]["said"]
-
-
-def test_python_of_the_page(results):
-    assert len(USE) == 1
-    assert isinstance(results[USE[0]]["outcome"], list), results[USE[0]]["outcome"]
-
-
-def test_what_plugins_add_is_there(results, folder):
-    said = {command.split("simulate ")[-1][:6]: result["said"] for command, result in results.items()}
-    assert "elbow_min" in said["bumpy."]
-    swept = next(result["said"] for command, result in results.items() if " sweep " in command)
-    assert re.search(r"elbow_min >= 0.3 +\d+ of 16", swept)
-    assert "disturbance.bump.top" in swept
-    terms = next(result["said"] for command, result in results.items() if " tune " in command)
-    assert re.search(r"\byaw\b", terms)
-    record = json.loads((folder / "run" / "summary.json").read_text())["versions"]
-    assert {name for name in record if name.startswith("plugin")} == {f"plugin {n}" for n in FILES if n.endswith("py")}
-    assert (folder / "worst.toml").read_text().count('kind = "bump"') == 1
 
 
 def test_plugins_of_the_page_take_twenty_lines():

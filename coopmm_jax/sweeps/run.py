@@ -1,9 +1,8 @@
 """Simulate many plausible samples of a scenario and keep their metrics.
 
 >>> from coopmm_jax.scenario.scenario import load_scenario
->>> mass = {"distribution": "uniform", "low": 0.8, "high": 1.2, "relative": True}
->>> short = load_scenario("paper", simulation={"duration": 0.01}, uncertainty={"plant.masses": mass})
->>> sweep(short, samples=3, keep=0).metrics.sel(metric="force_min").shape
+>>> short = load_scenario("sensed", simulation={"duration": 0.04})
+>>> sweep(short, samples=3, keep=0, batch=32).metrics.sel(metric="force_min").shape
 (3,)
 """
 

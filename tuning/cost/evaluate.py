@@ -69,6 +69,12 @@ class Samples:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def beside(self, others: Samples) -> Samples:
+        """The same, with what ``others`` share shared and nothing else: one program then serves both."""
+        same = copy.copy(self)
+        same.layout = self.layout._replace(shared=others.layout.shared)
+        return same
+
     def extended(self, rows: np.ndarray) -> Samples:
         """These samples, then those of ``rows`` (M, leaves)."""
         both = copy.copy(self)

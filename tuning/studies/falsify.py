@@ -191,7 +191,7 @@ def sample_found(problem: Problem, peak: Peak, search: Ascent, requirement: Requ
     """
     scenario, variation, objective = problem.scenario, problem.variation, problem.cost.objective
     numbers = {name: float(value) for name, value in variation.values(peak.point).items()}
-    nominal = Samples(batched(scenario.parameters(), 1))
+    nominal = Samples(batched(scenario.parameters(), 1)).beside(problem.samples(RANDOM, 1))
     height = f"cost {peak.value:.6g}" if requirement is None else said(requirement, peak.value)
     horizon = objective.steps * objective.step
     origin = f"Worst sample found of: {scenario.description} ({height} over {horizon:g} s)"
