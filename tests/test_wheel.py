@@ -18,6 +18,8 @@ import coopmm_jax
 ROOT = Path(__file__).parent.parent
 LEFTOVERS = shutil.ignore_patterns(".*", "__pycache__", "build", "dist", "results", "*.egg-info")
 
+PIP = ("--quiet", "--no-index", "--no-deps", "--no-compile")
+
 
 def run(*words, cwd=None):
     """Output of a program in an environment that does not point to the checkout."""
@@ -36,13 +38,18 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def wheel(folder):
-    """Built from a copy, as a build folder left in the tree would add modules that are no more."""
+def built(folder):
+    """Wheel and source distribution, made of a copy, as a build folder left in the tree would add modules of old."""
     shutil.copytree(ROOT, folder / "source", ignore=LEFTOVERS)
-    options = ("--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--wheel-dir", folder)
-    run(sys.executable, "-m", "pip", "wheel", *options, folder / "source")
-    (built,) = folder.glob("*.whl")
-    return built
+    code = f"from setuptools.build_meta import *; build_sdist({str(folder)!r}); build_wheel({str(folder)!r})"
+    run(sys.executable, "-c", code, cwd=folder / "source")
+    (wheel,), (source,) = folder.glob("*.whl"), folder.glob("*.tar.gz")
+    return wheel, source
+
+
+@pytest.fixture(scope="module")
+def wheel(built):
+    return built[0]
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +58,7 @@ def programs(folder, wheel):
     environment = folder / "environment"
     venv.create(environment, symlinks=True)
     python = environment / "bin" / "python"
-    run(sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-index", "--no-deps", wheel)
+    run(sys.executable, "-m", "pip", "--python", python, "install", *PIP, wheel)
     (packages,) = environment.glob("lib/python*/site-packages")
     # The folders are searched for modules, but the .pth files in them, the checkout's for one, are not read.
     borrowed = dict.fromkeys(sysconfig.get_path(name) for name in ("purelib", "platlib"))
@@ -69,15 +76,12 @@ def test_wheel_holds_both_packages_with_their_data_and_nothing_else(folder, whee
     assert names > kinds | {"coopmm_jax/animation/player.html"}
 
 
-def test_source_distribution_holds_the_whole_tree(folder, wheel):
+def test_source_distribution_holds_the_whole_tree(folder, built):
     """All of it, so that ``make test`` and ``make docs`` work there as in a checkout."""
     source = folder / "source"
     whole = {path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()}
     tree = {name for name in whole if not name.startswith(("build/", "coopmm_jax.egg-info/"))}  # left by the wheel
-    code = f"import setuptools.build_meta as made; made.build_sdist({str(folder)!r})"
-    run(sys.executable, "-c", code, cwd=source)
-    (built,) = folder.glob("*.tar.gz")
-    with tarfile.open(built) as archive:
+    with tarfile.open(built[1]) as archive:
         names = {member.name.partition("/")[2] for member in archive if member.isfile()}
     made = {"PKG-INFO", "setup.cfg"}
     assert {name for name in names - made if not name.startswith("coopmm_jax.egg-info/")} == tree
@@ -100,15 +104,14 @@ def test_what_a_package_index_shows(folder, wheel):
 
 
 def test_modules_come_from_the_wheel(folder, programs):
-    code = "import coopmm_jax, tuning; print(coopmm_jax.__file__, tuning.__file__, sep='\\n')"
-    found = run(programs / "python", "-c", code, cwd=folder).splitlines()
-    assert all(Path(file).is_relative_to(folder / "environment") for file in found), found
+    code = "import coopmm_jax, tuning; print(coopmm_jax.__file__, tuning.__file__, coopmm_jax.__version__, sep='\\n')"
+    *files, version = run(programs / "python", "-c", code, cwd=folder).splitlines()
+    assert all(Path(file).is_relative_to(folder / "environment") for file in files), files
+    assert version == coopmm_jax.__version__
 
 
 def test_command_runs_away_from_the_checkout(folder, programs):
-    assert run(programs / "coopmm", "--version", cwd=folder) == f"coopmm {coopmm_jax.__version__}\n"
-    assert "sensed" in run(programs / "coopmm", "scenarios", cwd=folder)
-    out = run(programs / "coopmm", "simulate", "paper", "--simulation.duration", "0.01", "--out", "run", cwd=folder)
+    out = run(programs / "coopmm", "simulate", "paper", "--simulation.duration", "0.02", "--out", "run", cwd=folder)
     assert "contact" in out  # among the metrics
     assert (folder / "run" / "overview.png").stat().st_size > 10_000
     assert "--adversarial" in run(programs / "coopmm", "tune", "--help", cwd=folder)

@@ -15,7 +15,7 @@ import numpy as np
 
 from coopmm_jax.errors import Notice, Remark, UserError
 from coopmm_jax.kinds.controllers import lateral
-from coopmm_jax.parameters import Geometry, Parameters, PathReference, PhaseSchedule, Pose
+from coopmm_jax.parameters import Geometry, Parameters, PathReference, PhaseSchedule, Pose, Surface
 from coopmm_jax.status import SPEED_LIMIT
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def check_reference(scenario: Scenario) -> None:
             rho, still = np.array([float(radius)]), np.zeros(1)
             _check_turning(parameters, i, "reference.radius", rho, still, np.array([[float(radius)], [0.0]]))
         return
-    course = _course(parameters, scenario.simulation.duration)
+    course = _course(parameters.reference, parameters.plant.surface, scenario.simulation.duration)
     _check_path(parameters.reference, course)
     _check_arms(parameters, course)
     for i, offset in enumerate(parameters.reference.offset):
@@ -109,24 +109,24 @@ def check_phase(scenario: Scenario, field: str) -> None:
         raise UserError(field, "left out where the desired motion stands still", f"a phase of {phases[0]:g} throughout")
 
 
-def _course(parameters: Parameters, duration: float) -> Course:
+def _course(reference: PathReference, surface: Surface, duration: float) -> Course:
     import jax
 
     with jax.enable_x64(True):
         t = np.linspace(0.0, duration, SAMPLES)
-        values = _compiled()(parameters, t)
+        values = _compiled()(reference, surface, t)
         return Course(t, *(np.broadcast_to(np.asarray(x), t.shape) for x in values))
 
 
 @functools.cache
 def _compiled() -> Callable[..., Any]:
-    """Compiled function of all samples: one program for all numbers of a reference."""
+    """Compiled function of all samples: one program for all numbers of a reference, whatever else a scenario has."""
     import jax
 
-    return jax.jit(jax.vmap(_sample, in_axes=(None, 0)))
+    return jax.jit(jax.vmap(_sample, in_axes=(None, None, 0)))
 
 
-def _sample(parameters: Parameters, t: Any) -> tuple[Any, ...]:
+def _sample(reference: PathReference, surface: Surface, t: Any) -> tuple[Any, ...]:
     """Entries of ``Course`` but the time, at t [s]."""
     import jax
     import jax.numpy as jnp
@@ -136,8 +136,7 @@ def _sample(parameters: Parameters, t: Any) -> tuple[Any, ...]:
     from coopmm_jax.kinds.paths import bent_frame
     from coopmm_jax.mechanics.surfaces import shape_of
 
-    reference, shape = parameters.reference, shape_of(parameters.plant.surface)
-    assert isinstance(reference, PathReference)
+    shape = shape_of(surface)
     aim, phase = aim_at(reference, t), reference.timing.phase(t)
     at = (shape.along(aim.contact), aim.contact)
     slope = jax.grad(lambda point: shape.level(*point))(at)
@@ -145,7 +144,7 @@ def _sample(parameters: Parameters, t: Any) -> tuple[Any, ...]:
     incidence = along / (aim.reach.value * jnp.hypot(*slope))
     speeds = [jnp.abs(aim.advance + aim.turn.value * (aim.across + offset)) for offset in reference.offset]
     distance = shape.level(*at) / jnp.hypot(*slope)
-    height = current(parameters.plant.surface.guide_height, t)
+    height = current(surface.guide_height, t)
     fastest = functools.reduce(jnp.maximum, speeds)
     at_phase, curvature = bent_frame(reference.path, phase)
     lengths = (aim.reach.value, incidence, distance, height)
