@@ -12,12 +12,13 @@ compliant...
 from __future__ import annotations
 
 import argparse
+import functools
 import os
 import re
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
 from typing import NoReturn
 
@@ -173,8 +174,7 @@ def _parser(command: Sequence[str]) -> argparse.ArgumentParser:
     for name in command:
         if not name.startswith("-") and name not in commands.choices:
             must = f"one of {', '.join(commands.choices)}{closest(name, commands.choices)}"
-            installed = any(entry_points(group=ENTRY_POINTS))
-            hint = "" if installed else "; those of other packages, like tune, are there once pip has installed these"
+            hint = "" if _declared() else "; those of other packages, like tune, are there once pip has installed these"
             raise UserError("COMMAND", must + hint, name)
     return parser
 
@@ -186,11 +186,17 @@ def _modules() -> Iterator[ModuleType]:
         UserError: a module that cannot be imported.
     """
     yield from (simulate, animate, sweep, check, report, watch, init, scenarios, metrics, help)
-    for point in sorted(entry_points(group=ENTRY_POINTS)):
+    for point in _declared():
         try:
             yield point.load()
         except (ImportError, AttributeError) as error:
             raise UserError(f"coopmm {point.name}", f"a module that can be imported ({point.value})", error) from None
+
+
+@functools.cache
+def _declared() -> tuple[EntryPoint, ...]:
+    """Subcommands that installed packages declare, read from the files of every one."""
+    return tuple(sorted(entry_points(group=ENTRY_POINTS)))
 
 
 if __name__ == "__main__":

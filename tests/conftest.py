@@ -45,8 +45,7 @@ def pytest_collection_modifyitems(items):
 
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish():
-    """Leave nothing to pytest's ten collections at the end: each takes a second over what JAX keeps."""
-    gc.collect()
+    """Leave nothing to pytest's ten collections at the end: each takes seconds over what JAX keeps."""
     gc.freeze()
 
 
