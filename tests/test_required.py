@@ -2,6 +2,7 @@
 
 import csv
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -12,7 +13,9 @@ from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.sections.requirements import parse
 from coopmm_jax.sweeps.check import _checked
 from coopmm_jax.sweeps.measure import Measured
-from tests import required_results
+from tests import falsify_results, required_results
+from tuning.cost import required
+from tuning.cost.problem import unscaled
 from tuning.search.ascent import Ascent, Peak
 from tuning.studies.falsify import requirement_of, said
 from tuning.studies.modes import Failure, different, distance
@@ -46,12 +49,36 @@ def test_it_is_further_from_the_requirement_than_random_samples(results):
     assert results["found"].cost > results["random"].max()
 
 
-def test_slopes_by_draws_and_by_gains_are_those_of_differences(results):
+def test_slopes_of_a_metric_are_those_of_differences(results):
+    falsify_results.assert_alike(results["of_metric"])
+
+
+def test_slopes_of_sentences_are_those_of_differences(results):
     """The smooth extremes differ from the exact ones by less than their slopes are compared to."""
-    for reverse, differences in (results["by_draws"], results["by_gains"]):
+    for reverse, differences in (results["of_sentence"], results["of_all"]):
         scale = np.abs(differences).max()
         assert scale > 0.1
         np.testing.assert_allclose(reverse, differences, atol=0.1 * scale)
+
+
+def test_slopes_by_tuned_gains_are_of_the_weighted_sum():
+    """Of a closed form in the place of rollouts, each candidate on each sample with weights of its own."""
+
+    class InClosedForm(required.Required):
+        def evaluate(self, vector, parameters, numbers, smoothly=False):
+            assert smoothly
+            limits = numbers[len(self.limits) : 2 * len(self.limits)]
+            return limits * parameters.plant.inertia[0].m_p * jnp.sum(vector**2), True
+
+    problem = unscaled(required_results.scenario())
+    stated = problem.scenario.requirements.parsed()
+    mine = InClosedForm.of(problem.cost.objective, problem.scenario, stated)
+    rng, samples = np.random.default_rng(0), problem.samples(0, 3)
+    vectors, weights = rng.normal(size=(2, problem.start.size)), rng.uniform(size=(2, 3, len(stated)))
+    masses = samples.parameters(np.arange(3)).plant.inertia[0].m_p
+    found = required.gradients(mine, vectors, samples, mine.numbers(stated, weights))
+    limits = np.array([each.limit for each in stated])
+    np.testing.assert_allclose(found, 2.0 * (weights @ limits * masses)[..., None] * vectors[:, None], rtol=1e-14)
 
 
 def test_a_plugins_signal_and_metric_are_required_like_any_other(results):
@@ -164,5 +191,5 @@ def test_tables_of_check_are_csv_too(results, capsys):
     out = results["folder"] / "checked.csv"
     assert cli.main(["check", str(results["folder"]), "--out", str(out)]) == 1
     rows = list(csv.DictReader(out.read_text().splitlines()))
-    assert {row["unit"] for row in rows} == {"N", "rad/s"}
+    assert {row["unit"] for row in rows} == {"N", "rad/s", "N m"}
     assert [row["met"] for row in rows if row["requirement"].startswith("presses")] == ["0"] * (len(rows) // 4)
