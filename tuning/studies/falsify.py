@@ -9,6 +9,8 @@ scenario's own.
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,13 +93,17 @@ class SampleCost:
     def reverse(self, points: np.ndarray) -> np.ndarray:
         """Gradients (N, D) by reverse mode: through the rollout, then through the map from draws to its parameters."""
         slopes = self.cost.by_sample(self.vector, self.samples(points))
+        with jax.enable_x64(True):
+            return np.asarray(self._pulled_back(points, slopes))
+
+    @functools.cached_property
+    def _pulled_back(self) -> Callable[[np.ndarray, np.ndarray], jax.Array]:
+        """Slopes by points (N, D) of slopes by numbers of their samples (N, leaves), compiled as a whole."""
 
         def row(point: jax.Array) -> jax.Array:
             return jnp.stack([jnp.asarray(leaf, float) for leaf in jax.tree.leaves(self.variation.parameters(point))])
 
-        with jax.enable_x64(True):
-            _, pull_back = jax.vjp(jax.vmap(row), jnp.asarray(points))
-            return np.asarray(pull_back(jnp.asarray(slopes))[0])
+        return jax.jit(lambda points, slopes: jax.vjp(jax.vmap(row), points)[1](slopes)[0])
 
 
 @dataclass(frozen=True)
