@@ -7,9 +7,10 @@ from coopmm_jax.kinds.timings import Rate
 from coopmm_jax.parameters import Gains, MovingRail, Parameters, PathReference, Pose, Rail, Structure
 
 FULL = Structure(feedforward="full")
-# As Fourier paths, so that one compiled program does for both.
+# As Fourier paths, so that one compiled program does for all.
 ELLIPSE = Fourier(0.0, 0.0, (1.7, 0.0), (0.0, 0.0), (0.0, 0.0), (1.2, 0.0))
 EIGHT = Fourier(0.0, 0.0, (0.0, 0.0), (3.0, 0.0), (0.0, 0.0), (0.0, 1.2))
+CIRCLE = Fourier(0.0, 0.0, (1.7, 0.0), (0.0, 0.0), (0.0, 0.0), (1.7, 0.0))
 # Close to a circle, so that platforms on two axles can follow; one harmonic, which compiles faster.
 ROUND = Fourier(0.0, 0.0, (1.7,), (0.0,), (0.0,), (1.6,))
 _GUESS = ((-0.795399, 1.590798), (2.346194, 1.590798))  # a2, a3
@@ -31,14 +32,6 @@ def ellipse(guide="rail", ramp=0.5, away=0.1):
     """Along the ellipse, from ``away`` [m] outside of each platform's path."""
     platforms = ((2.4 + away, 0.0, 0.0, 1.097198), (1.0 + away, 0.0, 0.0, 1.570796))
     return parameters(ELLIPSE, Rate(1.0, 0.0, 0.3, 1.0, ramp), platforms, guide)
-
-
-def circle():
-    """The paper's run with its circle as a path and a rail."""
-    paper, path = Parameters(), Fourier(0.0, 0.0, (1.7, 0.0), (0.0, 0.0), (0.0, 0.0), (1.7, 0.0))
-    timing = Rate(ramp=0.0)
-    reference = PathReference(path, timing, contact=Swing(), contact_force=Sine(15.0, 0.0))
-    return paper._replace(plant=paper.plant._replace(guide=Rail(path, timing.start)), reference=reference)
 
 
 def eight(guide="rail"):

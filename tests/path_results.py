@@ -1,19 +1,26 @@
-"""Gradients along a path over 0.3 s, of a trailer and a car, for test_path_motion.py."""
+"""Gradients of the loop along a path, of a trailer and a car, for test_path_motion.py."""
+
+import functools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax.kinds.surfaces import Conic
-from coopmm_jax.loop.rollout import Observer, Plan, rollout
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.lookahead import aims_ahead
+from coopmm_jax.loop.rollout import as_scalars
+from coopmm_jax.loop.start import initial_state
+from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import Car, FrontInertia, Trailer
 from tests.beside_a_path import FULL, ROUND, round_about
 
-STEP, STEPS = 1e-3, 300
+T = 0.3  # [s]
+VELOCITY = (-0.3, 0.2, -0.1, 0.4, 0.1, 0.3)  # of the independent ones
 # Numbers that are moved, and by how much in differences: truncation and rounding are both below 1e-9 there.
 CHANGES = {
     **{"path": 3e-4, "rail": 3e-3, "rate": 1e-3, "offset": 3e-4, "k2": 3e-3, "curvature": 1e-3, "force": 1e-3},
-    **{"wheelbase": 1e-3, "r_f": 1e-3, "d_f": 1e-3, "m_f": 1e-2, "I_f": 5e-3, "k4": 3e-3},
+    **{"wheelbase": 1e-3, "r_f": 1e-3, "d_f": 1e-3, "m_f": 1e-2, "I_f": 5e-3, "k4": 3e-3, "state": 1e-4},
 }
 # of a derivative by six evaluations, of sixth order
 OFFSETS, WEIGHTS = np.array([-3, -2, -1, 1, 2, 3]), np.array([-1, 9, -45, 45, -9, 1]) / 60.0
@@ -21,8 +28,8 @@ FRONTS = ((Trailer(), FrontInertia()), (Car(), FrontInertia(1.0, 0.5, 0.1)))
 
 
 def moved(x):
-    """Parameters with the numbers of CHANGES moved by x (13,); the units of length follow the path."""
-    path, rail, rate, offset, k2, curvature, force, wheelbase, r_f, d_f, m_f, I_f, k4 = x
+    """Parameters with the numbers of CHANGES moved by x (14,), the state apart; units of length follow the path."""
+    path, rail, rate, offset, k2, curvature, force, wheelbase, r_f, d_f, m_f, I_f, k4, _ = x
     start = round_about()
     surface = start.plant.surface._replace(shape=Conic(1.0 / 0.7 + curvature, 1.0 / 0.7))
     reference = start.reference._replace(
@@ -51,24 +58,33 @@ def moved(x):
     return start._replace(plant=plant, gains=gains, reference=reference)
 
 
-def cost(x):
-    """Integral of force errors and contact places, and the end of robots and force loop, under ``moved`` numbers."""
-
-    def update(total, t, signals):
-        return total + STEP * (signals.force_error[0] ** 2 + 100.0 * sum(x**2 for x in signals.contact_point))
-
-    # Each step is kept, which compiles faster than checkpoints do; test_gradients.py has these.
-    plan = Plan.gradient(STEPS, STEPS + 1, checkpoint=False)
-    run = rollout(FULL, moved(x), STEP, STEPS, plan, Observer(jnp.zeros(()), update))
-    ends = sum(0.5 * p.z1 + p.z2 + 0.3 * p.z3 + 0.1 * p.z4 + p.a1 for p in run.state.position)
-    return run.total + ends + sum(run.state.controller.force_integral)
+@functools.cache
+def moving():
+    """The state at the start, but not at rest: its leaves and their tree."""
+    parameters = as_scalars(moved(np.zeros(len(CHANGES))), float)
+    start = jax.jit(lambda p: initial_state(FULL, build_model(p), p).state)(parameters)
+    return jax.tree.flatten(jax.device_get(start._replace(velocity=VELOCITY)))
 
 
-def results():
-    """The slopes by each of CHANGES by reverse mode, and by differences of sixth order."""
-    both, zero = jax.jit(jax.value_and_grad(cost)), np.zeros(len(CHANGES))
+def rates(x):
+    """Weighted sum of the rates of ``moving``, by which everything moves."""
+    (leaves, tree), parameters = moving(), as_scalars(moved(x), float)
+    state = jax.tree.unflatten(tree, [leaf + x[-1] for leaf in leaves])
+    found, _ = closed_loop(FULL, build_model(parameters), T, state)
+    return sum(w * rate for w, rate in zip(np.linspace(0.5, 1.0, len(leaves)), jax.tree.leaves(found), strict=True))
+
+
+def aims(x):
+    """Weighted sum of what a rollout computes ahead of two of its steps."""
+    values = aims_ahead(build_model(moved(x)).reference, 1e-3, float, False)(round(1000 * T), 2).values
+    return jnp.vdot(values, np.linspace(0.5, 1.0, values.size).reshape(values.shape))
+
+
+def results(function):
+    """Slopes of a function by each of CHANGES in reverse mode, and by differences of sixth order."""
+    both, zero = jax.jit(jax.value_and_grad(function)), np.zeros(len(CHANGES))
     central = [
-        sum(w * float(both(zero + k * h * unit)[0]) for k, w in zip(OFFSETS, WEIGHTS, strict=True)) / h
+        WEIGHTS @ [float(both(zero + k * h * unit)[0]) for k in OFFSETS] / h
         for h, unit in zip(CHANGES.values(), np.eye(len(CHANGES)), strict=True)
     ]
-    return {"reverse": both(zero)[1].tolist(), "central": central}
+    return dict(zip(CHANGES, zip(both(zero)[1].tolist(), central, strict=True), strict=True))

@@ -19,7 +19,6 @@ from tests.programs import Program
 PERIOD = 1e-4  # short, so that the robots hardly move while torques are held
 LAG = 5e-4
 KEEP = float(np.exp(-PERIOD / LAG))
-DELAYED = Structure(substeps=1, force_delay=1)
 SENSED = load_scenario("sensed").structure()
 
 
@@ -83,10 +82,11 @@ def test_program_does_not_grow_with_the_delay():
 
 
 LAG_BOUND = (1.0 + KEEP) / (1.0 - KEEP)
-LOOPS = {  # name -> structure, force lag [s], gain, factor of the force's error from one sample to the next
-    **{f"delay {gain}": (DELAYED, 0.0, gain, -gain) for gain in (0.99, 1.01, -0.99, -1.01)},
+LOOPS = {  # name -> force lag [s], gain, factor of the force's error from one sample to the next
+    # A sample is itself seen one sample later: all that is left without a lag, in the program of the loops with one.
+    **{f"delay {gain}": (0.0, gain, -gain) for gain in (0.99, 1.01, -0.99, -1.01)},
     **{
-        f"lag {name}": (SENSED, LAG, gain, KEEP - (1.0 - KEEP) * gain)
+        f"lag {name}": (LAG, gain, KEEP - (1.0 - KEEP) * gain)
         for name, gain in {
             "0.99": 0.99 * LAG_BOUND,
             "1.01": 1.01 * LAG_BOUND,
@@ -104,12 +104,12 @@ def runs():
     """`sensed` by its delay, and each of LOOPS with a desired contact force of 15 and of 16 N and no integral gain."""
     paper, sensed = Parameters(), load_scenario("sensed").parameters()
     jobs = {0: (SENSED, sensed, 1e-3, LONG), LATE: (SENSED._replace(force_delay=LATE), sensed, 1e-3, LONG)}
-    for name, (structure, lag, gain, _) in LOOPS.items():
+    for name, (lag, gain, _) in LOOPS.items():
         gains = paper.gains._replace(K_lambda=(gain,) * 4, K_I=(0.0,) * 4)
         for wanted in (15.0, 16.0):
             reference = paper.reference._replace(contact_force=wanted)
             parameters = paper._replace(gains=gains, reference=reference, hardware=Hardware(force_lag=lag))
-            jobs[name, wanted] = (structure, parameters, PERIOD, STEPS)
+            jobs[name, wanted] = (SENSED, parameters, PERIOD, STEPS)
     programs = functools.cache(lambda structure: Program(structure, LONG))
     return {name: programs(structure)(*job) for name, (structure, *job) in jobs.items()}
 
@@ -135,7 +135,7 @@ def test_force_loop_is_stable_exactly_within_its_bounds(runs, loop):
     K factor^k off its new value: the closed form of lambda = ... - K (shown - lambda_d) with the sensor's recursion.
     Torque held between samples presses along the last sample's normal, hence the tolerance.
     """
-    _, _, gain, factor = LOOPS[loop]
+    _, gain, factor = LOOPS[loop]
     assert runs[loop, 15.0].health.status == runs[loop, 16.0].health.status == 0
     change = np.subtract(*(np.array(runs[loop, wanted].signals.constraint_force) for wanted in (16.0, 15.0)))
     off = gain * factor ** np.arange(STEPS + 1)

@@ -14,9 +14,9 @@ from coopmm_jax.kinds.paths import Ellipse
 from coopmm_jax.kinds.timings import Rate, RestToRest
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.disturbance import disturbing
-from coopmm_jax.parameters import Gains, PathReference, Structure
+from coopmm_jax.parameters import Gains, PathReference
 from tests import path_results
-from tests.beside_a_path import ALONG, EIGHT, ELLIPSE, FULL, circle, eight, ellipse, scenario
+from tests.beside_a_path import ALONG, CIRCLE, EIGHT, ELLIPSE, FULL, eight, ellipse, scenario
 from tests.oracles import lagrangian
 from tests.samples import poses, rate_of_V1
 
@@ -77,13 +77,6 @@ def test_desired_motion_on_the_ellipse():
     assert_figures([*one[:6]], [0.901931, 2.113348, -0.499097, 1.060837, 0.064398, -0.580816])
 
 
-def test_projected_law_moves_the_same_and_pulls(short_programs):
-    run = short_programs(Structure())(ellipse())
-    assert_figures(coordinates(run), ON_THE_ELLIPSE)
-    assert_figures(forces(run), [44.905342, -2.617624, 67.380666, -12.304889])
-    assert run.signals.constraint_force[0].min() == pytest.approx(-186, abs=0.5)
-
-
 def test_moving_guide(short_programs):
     run = short_programs(FULL)(ellipse("moving"))
     assert_figures(coordinates(run)[0, :4], [0.907880, 2.121532, -0.512494, 1.297607])
@@ -135,12 +128,6 @@ def test_eight_over_its_crossing(along_the_eight):
     assert max(np.abs(phi).max() for phi in run.signals.constraint_residual) < 2e-8
 
 
-def test_path_and_rail_along_a_circle_are_the_circle(short_programs, paper_run):
-    run = short_programs(Structure())(circle())
-    assert_figures(coordinates(run), coordinates(paper_run))
-    np.testing.assert_allclose(forces(run), forces(paper_run), rtol=1e-9)
-
-
 REFERENCES = {
     "sway": PathReference(EIGHT, Rate(0.7, 0.5, 0.4, 2.0), (0.7, -0.6), Swing(swing=0.4, rate=1.3), Sine(15.0, 5.0)),
     "turning back": PathReference(EIGHT, RestToRest(2.0, -1.0, 3.0), contact=Sine(0.1, 0.05, 0.7)),
@@ -155,8 +142,11 @@ def test_desired_motion_obeys_the_chained_form(name):
     def with_rates(reference, t):
         return jax.jvp(lambda t: desired_motion(reference, t), (t,), (1.0,))
 
-    both, rates = jax.jit(with_rates)(reference, t)
-    again, known_rates = jax.jit(lambda reference, t: with_rates(at_instant(reference, t), t))(reference, t)
+    @jax.jit
+    def as_given_and_known(reference, t):
+        return with_rates(reference, t), with_rates(at_instant(reference, t), t)
+
+    (both, rates), (again, known_rates) = as_given_and_known(reference, t)
     np.testing.assert_allclose(jax.tree.leaves(again), jax.tree.leaves(both), rtol=1e-15)
     np.testing.assert_allclose(jax.tree.leaves(known_rates), jax.tree.leaves(rates), rtol=1e-12, atol=1e-14)
     for desired, rate in zip(both, rates, strict=True):
@@ -193,17 +183,28 @@ def test_energy_balance_on_the_rail(along_the_eight):
     assert np.abs(rate - power[3:-3]).max() < 1e-8 * np.abs(power).max()
 
 
+def simulated(path, delta_floor, **overrides):
+    """Under the law as in the paper, from a scenario, over 1 s."""
+    reference = ALONG | {"path": {"kind": "fourier"} | path._asdict()} | overrides.pop("reference", {})
+    law = {"feedforward": "projected", "delta_floor": delta_floor}
+    return cm.simulate(scenario(law=law, reference=reference, simulation={"duration": 1.0}, **overrides))
+
+
 @pytest.fixture(scope="module")
 def simulated_ellipse():
-    """From a scenario, over 1 s."""
-    path = {"kind": "fourier", "xc": ELLIPSE.xc, "xs": ELLIPSE.xs, "yc": ELLIPSE.yc, "ys": ELLIPSE.ys}
-    return cm.simulate(scenario(reference=ALONG | {"path": path}, simulation={"duration": 1.0}))
+    return simulated(ELLIPSE, 0.1)
+
+
+def test_projected_law_moves_the_same_and_pulls(simulated_ellipse):
+    run = simulated_ellipse
+    assert_figures(np.hstack([run.zeta[-1], run.q[-1, :, 3:]]), ON_THE_ELLIPSE)
+    assert_figures(run.constraint_force[-1], [44.905342, -2.617624, 67.380666, -12.304889])
+    assert run.constraint_force[:, 0].min() == pytest.approx(-186, abs=0.5)
 
 
 def test_simulated_ellipse(simulated_ellipse):
-    """The study's figures, from a scenario; desired force and headings are recorded over time."""
+    """Desired force and headings are recorded over time."""
     run = simulated_ellipse
-    assert run.q[-1, 0, 2:] == pytest.approx([0.907935, 1.297555, -0.778111, 1.556222], abs=2e-6)
     assert run.carriage.shape == (1001, 1)
     np.testing.assert_allclose(run.constraint_force_desired[:, 0], 15.0 + 5.0 * np.sin(run.t), rtol=1e-14)
     assert np.abs(run.zeta[..., 0] - run.zeta_desired[..., 0]).max() < 0.2
@@ -221,11 +222,29 @@ def test_aims_computed_ahead_change_nothing(simulated_ellipse, along_the_ellipse
     np.testing.assert_allclose(alone.carriage[:201, 0], carriage, rtol=1e-12)
 
 
-def test_gradients_over_a_rollout_by_path_rail_timing_gains_and_fronts():
-    """Reverse mode against differences of sixth order; with ideal sensing the desired force changes no motion."""
-    found = path_results.results()
-    for name, exact, difference in zip(path_results.CHANGES, found["reverse"], found["central"], strict=True):
-        if name == "force":
-            assert exact == 0.0
-        else:
+def test_path_and_rail_along_a_circle_are_the_circle(simulated_paper):
+    steady = {"timing": {"kind": "rate", "ramp": 0.0}, "force": {"kind": "sine", "mean": 15.0, "amplitude": 0.0}}
+    run = simulated(CIRCLE, 0.0, reference=steady, initial=simulated_paper.scenario.initial)
+    assert_figures(run.q, simulated_paper.q)
+    np.testing.assert_allclose(run.constraint_force[-1], simulated_paper.constraint_force[-1], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("function", "by"),
+    [
+        (path_results.rates, set(path_results.CHANGES) - {"force"}),
+        (path_results.aims, {"path", "rate", "offset", "curvature", "force"}),
+    ],
+    ids=["loop", "aims ahead"],
+)
+def test_gradients_by_path_rail_timing_gains_fronts_and_state(function, by):
+    """Reverse mode against differences of sixth order; with ideal sensing the desired force changes no motion.
+
+    Of one evaluation of the loop, and of what a rollout computes ahead: test_gradients.py goes through rollouts.
+    """
+    for name, (exact, difference) in path_results.results(function).items():
+        if name in by:
+            assert exact != 0.0
             assert exact == pytest.approx(difference, rel=1e-9), name
+        else:
+            assert exact == 0.0
