@@ -1,7 +1,12 @@
 """Gradients of a sampled loop's cost under torque limits, and central differences, for test_actuators.py."""
 
+import functools
+from unittest import mock
+
 import jax.numpy as jnp
 
+from coopmm_jax.loop import force_loop
+from coopmm_jax.loop.devices import limited
 from coopmm_jax.loop.rollout import Observer, Plan, rollout
 from coopmm_jax.scenario.scenario import load_scenario
 from tests.gradient_results import by_forward_mode, central_differences, forward_slopes
@@ -22,33 +27,36 @@ def sample_cost(total, t, signals):
     return cost + error / STEPS, largest
 
 
-def limited_cost(form):
-    """Cost and largest share of a limit as a function of the gains of NAMES, and these; with a form of limits."""
-    actuators = {f"{kind}_limit": limit for kind, limit in LIMIT.items()}
-    scenario = load_scenario("sensed", actuators=actuators | {"limit_form": form})
-    parameters = scenario.parameters()
-    observer = Observer((jnp.zeros(()), jnp.zeros(())), sample_cost)
-
-    def cost(gains):
-        own = parameters._replace(gains=parameters.gains._replace(**gains))
-        return rollout(scenario.structure(), own, STEP, STEPS, Plan.batch(STEPS, STEPS + 1), observer).total
-
-    return cost, {name: getattr(parameters.gains, name) for name in NAMES}
-
-
-def slopes(form):
-    """Slopes by every gain, in forward mode and by central differences."""
-    cost, gains = limited_cost(form)
-    forward = by_forward_mode(cost)
-    value, largest = forward(gains, gains)[0]
-    return {
-        "cost": float(value),
-        "largest": float(largest),
-        "gradient": [slope for slope, _ in forward_slopes(forward, gains)],
-        "central": central_differences(lambda x: forward(x, gains)[0][0], gains, RELATIVE_STEP),
-    }
+def either(smooth, structure, hardware, torque):
+    """Torques within limits of the form that is chosen, as data: one program for both."""
+    features = structure.features
+    hard = structure._replace(features=features._replace(torque_limits=True, smooth_limits=False))
+    soft = structure._replace(features=features._replace(torque_limits=False, smooth_limits=True))
+    forms = (limited(form, hardware, torque) for form in (soft, hard))
+    return tuple(jnp.where(smooth, x, y) for x, y in zip(*forms, strict=True))
 
 
 def results():
-    """Slopes and costs under each form of limits."""
-    return {form: slopes(form) for form in ("hard", "smooth")}
+    """Slopes by every gain, in forward mode and by central differences, and costs, under each form of limits."""
+    actuators = {f"{kind}_limit": limit for kind, limit in LIMIT.items()}
+    scenario = load_scenario("sensed", actuators=actuators)
+    parameters = scenario.parameters()
+    gains = {name: getattr(parameters.gains, name) for name in NAMES}
+    observer = Observer((jnp.zeros(()), jnp.zeros(())), sample_cost)
+
+    def cost(gains, smooth):
+        own = parameters._replace(gains=parameters.gains._replace(**gains))
+        with mock.patch.object(force_loop, "limited", functools.partial(either, smooth)):
+            return rollout(scenario.structure(), own, STEP, STEPS, Plan.alone(STEPS, STEPS + 1), observer).total
+
+    forward, found = by_forward_mode(cost), {}
+    for form, smooth in {"hard": False, "smooth": True}.items():
+        value = functools.partial(lambda smooth, x: forward(x, gains, smooth)[0][0], smooth)
+        reached, largest = forward(gains, gains, smooth)[0]
+        found[form] = {
+            "cost": float(reached),
+            "largest": float(largest),
+            "gradient": [slope for slope, _ in forward_slopes(forward, gains, smooth)],
+            "central": central_differences(value, gains, RELATIVE_STEP),
+        }
+    return found

@@ -1,5 +1,8 @@
 """Contact that can open: its force, the plant against the Lagrangian, and general.md E3's figures."""
 
+from types import SimpleNamespace
+from unittest import mock
+
 import jax
 import numpy as np
 import pytest
@@ -14,7 +17,6 @@ from coopmm_jax.parameters import Features, Gains, Hardware, Parameters, Structu
 from coopmm_jax.status import Status
 from tests import surface_results
 from tests.oracles import hardware, lagrangian
-from tests.programs import Program
 from tests.samples import ROW_SETS, SHAPES, assert_close, at_surface, joined, positions, vector
 
 SOFT = Hardware(penetration=1e-3, contact_damping=2.0)
@@ -113,13 +115,25 @@ def test_energy_goes_into_the_surface_and_is_lost_there(case):
     assert lost >= 0.0
 
 
-@pytest.fixture(scope="module")
-def compliant():
-    return Program(COMPLIANT, 10_000)
+STEPS = 10_000
+
+
+@jax.jit
+def rollout_from(share, parameters, step, steps):
+    """From a start that is pressed in by a ``share`` of what holds the desired force: one program for all starts."""
+    pressed = start._pressed_in
+    with mock.patch.object(start, "_pressed_in", lambda *given: tuple(share * depth for depth in pressed(*given))):
+        return rollout(COMPLIANT, parameters, step, steps, Plan.batch(STEPS), record=True).record
+
+
+def compliant(parameters, step=1e-3, steps=STEPS, share=1.0):
+    """Times and signals (steps + 1,)."""
+    record = jax.device_get(rollout_from(share, parameters, step, steps))
+    return SimpleNamespace(**dict(zip(("t", "signals"), jax.tree.map(lambda x: x[: steps + 1], record), strict=True)))
 
 
 @pytest.fixture(scope="module")
-def run(compliant):
+def run():
     return compliant(PAPER, 5e-4, 2000)
 
 
@@ -133,7 +147,7 @@ def test_figures_of_the_study_with_a_contact_that_can_open(run):
     assert run.signals.constraint_force[0].min() == 0.0
 
 
-def test_a_finer_step_gives_the_same(run, compliant):
+def test_a_finer_step_gives_the_same(run):
     finer = compliant(PAPER, 2.5e-4, 4000)
     for coarse, fine in zip(run.signals.constraint_force, finer.signals.constraint_force, strict=True):
         assert coarse[-1] == pytest.approx(fine[-1], abs=1e-4)
@@ -144,7 +158,7 @@ def slopes():
     return {name: np.array(values) for name, values in surface_results.results().items()}
 
 
-def test_an_undamped_surface_keeps_the_tip_bouncing(compliant):
+def test_an_undamped_surface_keeps_the_tip_bouncing():
     """From a start that is pressed in: off the surface 4 % of 10 s, peaks of 49 N."""
     elastic = PAPER._replace(hardware=Hardware(penetration=1e-3, contact_damping=0.0))
     run = compliant(elastic)
@@ -156,17 +170,16 @@ def test_an_undamped_surface_keeps_the_tip_bouncing(compliant):
     assert np.all(damped.signals.constraint_residual[0][500:] < 0.0)
 
 
-def test_a_tip_that_touches_without_pressing_bounces_higher(monkeypatch):
+def test_a_tip_that_touches_without_pressing_bounces_higher():
     """general.md E2, whose start this is: off the surface 7 % of 5 s, peaks of 57 N.
 
     The first one is nearly that of a mass which a constant force F pushes onto the spring k d^1.5 from rest: where it
     turns back, F d = (2/5) k d^2.5, so that the spring pushes with 5/2 F, whatever mass and stiffness are. The rest is
     the motion controller, which lets the tip give way.
     """
-    monkeypatch.setattr(start, "_pressed_in", lambda structure, model, zero: (0,) * len(structure.rows))
     elastic = PAPER._replace(hardware=Hardware(penetration=1e-3, contact_damping=0.0))
-    record = jax.jit(lambda p: rollout(COMPLIANT, p, 1e-3, 5000, Plan.alone(5000), record=True).record[1])(elastic)
-    gap, force = np.array(record.constraint_residual[0]), np.array(record.constraint_force[0])
+    signals = compliant(elastic, steps=5000, share=0.0).signals
+    gap, force = signals.constraint_residual[0], signals.constraint_force[0]
     assert np.mean(gap > 0.0) == pytest.approx(0.069, abs=0.002)
     assert force.max() == pytest.approx(56.6, abs=0.3)
     first = force[: 1 + np.argmax(np.diff(force) < 0.0)].max()

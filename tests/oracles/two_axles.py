@@ -7,17 +7,28 @@ chained coordinates: nothing here knows a turning radius.
 
 from __future__ import annotations
 
-from functools import partial
+from functools import partial, wraps
 
 import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from coopmm_jax.parameters import Car, Geometry, Inertia
+from coopmm_jax.parameters import Car, Geometry, Inertia, Trailer
 from tests.oracles import lagrangian, mujoco_tree
 
 REST = np.array([0, 1, 2, 4, 5, 6])  # of q, as ``lagrangian`` takes it
+
+
+def of_either(function):
+    """``function`` of a geometry and more, compiled once for trailers and cars: they move alike, driven elsewhere."""
+    compiled = jax.jit(function)
+
+    @wraps(function)
+    def called(geometry, *rest):
+        return compiled(geometry._replace(front=Trailer(*geometry.front)), *rest)
+
+    return called
 
 
 def forward(angle):
@@ -40,7 +51,7 @@ def kinetic_energy(geometry: Geometry, inertia: Inertia, q, q_dot):
     return lagrangian.kinetic_energy(geometry, inertia, q[REST], q_dot[REST]) + 0.5 * ahead
 
 
-@jax.jit
+@of_either
 def chained(geometry: Geometry, q):
     """(z1, ..., z4) (4,), lengths in the platform's unit; about the origin in the chart that is polar."""
     if geometry.front.chart is not None:
@@ -59,7 +70,7 @@ def rolling_basis(geometry: Geometry, q):
     return R.at[jnp.arange(3, 7), jnp.arange(1, 5)].set(1.0)
 
 
-@jax.jit
+@of_either
 def chained_basis(geometry: Geometry, q):
     """S (7, 5): q_dot = S u with u = (z1dot, z4dot, a1dot, a2dot, a3dot)."""
     R = rolling_basis(geometry, q)
@@ -67,7 +78,7 @@ def chained_basis(geometry: Geometry, q):
     return R @ jnp.linalg.inv(u_of_v)
 
 
-@jax.jit
+@of_either
 def chained_terms(geometry: Geometry, inertia: Inertia, gravity, q, u):
     """M_u, C_u (5, 5) with Christoffel's symbols in q, and G_u (5,)."""
     S = chained_basis(geometry, q)
@@ -83,7 +94,7 @@ def chained_terms(geometry: Geometry, inertia: Inertia, gravity, q, u):
     return S.T @ M @ S, S.T @ (M @ S_dot + C @ S), S.T @ G
 
 
-@jax.jit
+@of_either
 def energy(geometry: Geometry, inertia: Inertia, gravity, q, u):
     """T + U [J] at q (7,), u (5,)."""
     kinetic = kinetic_energy(geometry, inertia, q, chained_basis(geometry, q) @ u)
@@ -110,22 +121,22 @@ def input_matrix(geometry: Geometry, q):
 _ORDER, _OWN = np.array([0, 1, 2, 5, 6, 7, 8]), np.array([0, 1, 2, 4, 5, 6, 3])
 
 
-def _tree_basis(geometry: Geometry, count: int, q):
-    """S (count, 5) of the velocities of the tree's joints."""
+def _tree_basis(geometry: Geometry, q):
+    """S (11, 5) of the velocities of the tree's joints."""
     front = geometry.front
     S = chained_basis(geometry, q)
     _, axle = jax.vmap(lambda v: jax.jvp(lambda q: q[:2] + front.wheelbase * forward(q[2]), (q,), (v,)), 1)(S)
     rear, rolling = S[:2].T @ forward(q[2]), axle @ forward(q[2] + q[3])
     spin = [(rear + s * geometry.l * S[2]) / geometry.r for s in (1, -1)]
     spin += [(rolling + s * front.l_f * (S[2] + S[3])) / front.r_f for s in (1, -1)]
-    tree = jnp.zeros((count, 5)).at[_ORDER].set(S[_OWN])
+    tree = jnp.zeros((11, 5)).at[_ORDER].set(S[_OWN])
     return tree.at[jnp.array([3, 4, 9, 10])].set(jnp.stack(spin))
 
 
-@partial(jax.jit, static_argnums=1)
-def _tree_motion(geometry: Geometry, count: int, q, u):
+@of_either
+def _tree_motion(geometry: Geometry, q, u):
     """S and Sdot u of the tree."""
-    S, S_dot = jax.jvp(partial(_tree_basis, geometry, count), (q,), (chained_basis(geometry, q) @ u,))
+    S, S_dot = jax.jvp(partial(_tree_basis, geometry), (q,), (chained_basis(geometry, q) @ u,))
     return S, S_dot @ u
 
 
@@ -144,7 +155,7 @@ def mujoco_terms(geometry: Geometry, inertia: Inertia, gravity: float, q, u):
     for side in (1, -1):
         mujoco_tree.add_wheel(ahead, side * front.l_f, own.I_wf)
     model = spec.compile()
-    S, S_dot_u = map(np.asarray, _tree_motion(geometry, model.nv, q, u))
+    S, S_dot_u = map(np.asarray, _tree_motion(geometry, q, u))
     data = mujoco.MjData(model)
     data.qpos[_ORDER] = np.asarray(q)[_OWN]
     data.qvel[:] = S @ u
