@@ -188,7 +188,7 @@ def response(x, position):
 @pytest.fixture(scope="module")
 def on_rows():
     """Positions on all rows, and their ``state_of``."""
-    position = tuple(map(robot_kinematics.chained, STARTS))
+    position = jax.tree.map(jnp.asarray, tuple(map(robot_kinematics.chained, STARTS)))
     for _ in range(12):
         position = state_of(position)["moved"]
     state = state_of(position)
@@ -199,7 +199,7 @@ def on_rows():
 def test_power_balance_of_two_arms(on_rows):
     """Energy changes by what the actuators do: neither rolling nor a constraint row does any work."""
     position, state = on_rows
-    full, force, _ = response((0.0,) * 4, position)
+    full, force, _ = response(np.zeros(4), position)
     plant, gained, power = plant_with(), 0.0, 0.0
 
     def rate(i, q, u, u_dot):
@@ -248,11 +248,9 @@ def test_slopes_by_lengths_and_masses_are_those_of_differences(on_rows):
         return sum(map(sum, full)) + sum(multipliers)
 
     step = 1e-3
-    slopes = np.asarray(jax.jit(jax.grad(cost))(jnp.zeros(4)))
-    differences = [
-        sum(w * float(cost(jnp.asarray(j * step * unit))) for j, w in zip(OFFSETS, WEIGHTS, strict=True)) / step
-        for unit in np.eye(4)
-    ]
+    both = jax.jit(jax.value_and_grad(cost))
+    slopes = np.asarray(both(np.zeros(4))[1])
+    differences = [WEIGHTS @ [float(both(j * step * unit)[0]) for j in OFFSETS] / step for unit in np.eye(4)]
     assert np.all(slopes != 0)
     np.testing.assert_allclose(slopes, differences, rtol=0, atol=4e-9 * np.abs(slopes).max())
 

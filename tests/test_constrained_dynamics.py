@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from coopmm_jax.kinds.surfaces import Conic
 from coopmm_jax.mechanics import constrained_dynamics, constraints, partitioning
 from coopmm_jax.mechanics.constrained_kinematics import kinematics
 from coopmm_jax.parameters import ALL_ROWS
@@ -28,7 +29,7 @@ class Case:
 
     def __init__(self, rows, seed, shape=None):
         self.rng = np.random.default_rng(seed)
-        self.plant, self.q = at_surface(SHAPES[shape], seed) if shape else random_pair(self.rng)
+        self.plant, self.q = at_surface(BENT[shape], seed) if shape else random_pair(self.rng)
         self.terms, self.u = admissible(rows, self.plant, self.q, self.rng)
         self.rows, self.n = rows, 10 - len(rows)
         self.L, self.L_dot_u1 = lagrangian.velocity_basis(rows, self.terms)
@@ -45,7 +46,9 @@ class Case:
         return linear_map(lambda lam: joined(partitioning.constraint_force(self.reduction, lam)), len(self.rows)).T
 
 
-CASES = [(rows, seed) for rows in ROW_SETS for seed in range(3)] + [(ALL_ROWS, 0, shape) for shape in SHAPES]
+# The plane as a conic, which shares the others' programs.
+BENT = SHAPES | {"plane": Conic()}
+CASES = [(rows, seed) for rows in ROW_SETS for seed in range(3)] + [(ALL_ROWS, 0, shape) for shape in BENT]
 
 
 @pytest.fixture(scope="module", params=CASES, ids=str)
