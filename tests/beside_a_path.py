@@ -3,6 +3,7 @@
 import coopmm_jax as cm
 from coopmm_jax.kinds.courses import Sine, Swing
 from coopmm_jax.kinds.paths import Fourier
+from coopmm_jax.kinds.surfaces import Conic
 from coopmm_jax.kinds.timings import Rate
 from coopmm_jax.parameters import Gains, MovingRail, Parameters, PathReference, Pose, Rail, Structure
 
@@ -11,6 +12,7 @@ FULL = Structure(feedforward="full")
 ELLIPSE = Fourier(0.0, 0.0, (1.7, 0.0), (0.0, 0.0), (0.0, 0.0), (1.2, 0.0))
 EIGHT = Fourier(0.0, 0.0, (0.0, 0.0), (3.0, 0.0), (0.0, 0.0), (0.0, 1.2))
 CIRCLE = Fourier(0.0, 0.0, (1.7, 0.0), (0.0, 0.0), (0.0, 0.0), (1.7, 0.0))
+ARC = Conic(1.0 / 0.7, 1.0 / 0.7)
 # Close to a circle, so that platforms on two axles can follow; one harmonic, which compiles faster.
 ROUND = Fourier(0.0, 0.0, (1.7,), (0.0,), (0.0,), (1.6,))
 _GUESS = ((-0.795399, 1.590798), (2.346194, 1.590798))  # a2, a3
@@ -25,6 +27,14 @@ def parameters(path, timing, platforms, guide):
         gains=Gains(delta_floor=0.1),
         reference=PathReference(path, timing, contact=Swing(), contact_force=Sine(15.0, 5.0)),
         start=tuple(Pose(*four, *guess) for four, guess in zip(platforms, _GUESS, strict=True)),
+    )
+
+
+def at_level(start, shape=ARC):
+    """Parameters of a run with another surface of the object, by default the paper's arc as a level."""
+    surface = start.plant.surface._replace(shape=shape)
+    return start._replace(
+        plant=start.plant._replace(surface=surface), reference=start.reference._replace(surface=surface)
     )
 
 

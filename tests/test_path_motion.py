@@ -16,7 +16,7 @@ from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.disturbance import disturbing
 from coopmm_jax.parameters import Gains, PathReference
 from tests import path_results
-from tests.beside_a_path import ALONG, CIRCLE, EIGHT, ELLIPSE, FULL, eight, ellipse, scenario
+from tests.beside_a_path import ALONG, CIRCLE, EIGHT, ELLIPSE, FULL, at_level, eight, ellipse, scenario
 from tests.oracles import lagrangian
 from tests.samples import poses, rate_of_V1
 
@@ -42,12 +42,13 @@ def assert_figures(actual, expected):
 
 @pytest.fixture(scope="module")
 def along_the_ellipse(programs):
-    return programs(FULL)(ellipse())
+    """By the program of test_surfaces.py, as the eight."""
+    return programs(FULL)(at_level(ellipse()))
 
 
 @pytest.fixture(scope="module")
 def along_the_eight(programs):
-    return programs(FULL)(eight())
+    return programs(FULL)(at_level(eight()))
 
 
 def test_figures_on_the_ellipse(along_the_ellipse):
@@ -94,7 +95,7 @@ def test_free_object(short_programs):
 
 def test_without_a_soft_start_the_contact_pulls(programs):
     """The point to be followed starts at 1.6 m/s while the robots stand."""
-    run = programs(FULL)(ellipse(ramp=0.0), steps=1000)
+    run = programs(FULL)(at_level(ellipse(ramp=0.0)), steps=1000)
     assert_figures(coordinates(run)[0, :4], [1.334501, 1.942158, -0.287297, 1.301044])
     np.testing.assert_allclose(forces(run), [22.358257, -0.462215, -18.018071, 4.768437], rtol=2e-6)
     worst = run.signals.constraint_force[0].argmin()
@@ -160,7 +161,7 @@ def test_lyapunov_rate_where_the_yaw_rate_changes_sign(along_the_eight):
     chosen = jax.tree.map(lambda x: x[:9000:600], along_the_eight.signals)
     independent = (*chosen.velocity[0][:3], *chosen.velocity[1][:3])
     states = State(chosen.position, independent, ControllerState(*chosen.controller), carriage=chosen.carriage)
-    V1_rate, decay, cross = rate_of_V1(FULL, eight(), along_the_eight.t[:9000:600], states)
+    V1_rate, decay, cross = rate_of_V1(FULL, at_level(eight()), along_the_eight.t[:9000:600], states)
     turn = chosen.aim.turn.value
     assert turn.min() < 0.0 < turn.max()
     assert np.abs(V1_rate + decay - cross).max() < 1e-15

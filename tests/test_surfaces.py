@@ -9,15 +9,15 @@ import pytest
 
 import coopmm_jax as cm
 from coopmm_jax.errors import UserError
-from coopmm_jax.kinds.courses import Sine, Swing
-from coopmm_jax.kinds.paths import Circle
+from coopmm_jax.kinds.courses import Swing
 from coopmm_jax.kinds.surfaces import Arc, Conic, Plane, Profile
 from coopmm_jax.kinds.timings import Rate
 from coopmm_jax.mechanics import plant
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.surfaces import shape_of
-from coopmm_jax.parameters import Features, Gains, Hardware, Parameters, PathReference, Pose, Structure, Surface
+from coopmm_jax.parameters import Features, Hardware, Parameters, Structure, Surface
 from coopmm_jax.scenario.feasible import check_reference
+from tests.beside_a_path import CIRCLE, FULL, at_level, parameters
 from tests.samples import SHAPES, assert_close, at_surface, joined, positions, vector
 
 EVERY = SHAPES | {"convex circle": Arc(-0.5), "hollow circle": Arc(0.7)}
@@ -172,22 +172,17 @@ STUDY = {
 
 def on_the_circle(shape, amplitude):
     """Around the circle from standstill, 0.05 m and 0.05 rad aside, pressing 15 + 5 sin t where the contact swings."""
-    surface, paper = Surface(shape=shape), Parameters()
     contact = Swing(radius=amplitude)
     n = float(contact.value(0.0))
-    yaw = np.arctan2(float(shape.along(n)) + 0.7, -n)
-    return paper._replace(
-        plant=paper.plant._replace(surface=surface),
-        gains=Gains(delta_floor=0.1),
-        reference=PathReference(Circle(), Rate(), contact=contact, contact_force=Sine(15.0, 5.0), surface=surface),
-        start=(Pose(2.45, 0.0, 0.0, float(yaw) + 0.05, -0.8, 1.6), Pose(1.05, 0.0, 0.0, np.pi / 2, 2.34, 1.6)),
-    )
+    yaw = float(np.arctan2(float(shape.along(n)) + 0.7, -n))
+    start = parameters(CIRCLE, Rate(), ((2.45, 0.0, 0.0, yaw + 0.05), (1.05, 0.0, 0.0, np.pi / 2)), "rail")
+    return at_level(start._replace(reference=start.reference._replace(contact=contact)), shape)
 
 
 @pytest.mark.parametrize("name", STUDY)
 def test_figures_of_the_study(name, programs):
     shape, amplitude, position, forces, extremes = STUDY[name]
-    run = programs(Structure(feedforward="full"))(on_the_circle(shape, amplitude))
+    run = programs(FULL)(on_the_circle(shape, amplitude))
     assert run.health.status == 0
     np.testing.assert_allclose([x[1000] for x in run.signals.position[0]], position, rtol=0, atol=1e-6)
     np.testing.assert_allclose([x[1000] for x in run.signals.constraint_force], forces, rtol=0, atol=2e-6)

@@ -84,7 +84,9 @@ class LevelContact(NamedTuple):
         def level_rate(X: Vector, X_rate: Vector) -> Scalar:
             return jax.jvp(self.shape.level, X, X_rate)[1]
 
-        return jax.jvp(level_rate, (X, X_rate), (X_rate, X_acceleration))[1] / self.size
+        # Several velocities may be tried at one place, of which jvp wants as many.
+        e, n, *_ = jnp.broadcast_arrays(*X, *X_rate)
+        return jax.jvp(level_rate, ((e, n), X_rate), (X_rate, X_acceleration))[1] / self.size
 
     def sliding_rows(self, tip: Pair) -> Pair[Vector]:
         """Rows (5,) in body rates of each robot whose sum is the speed of tip I along the surface [m/s]."""
