@@ -99,5 +99,5 @@ def test_totals_keep_their_types(paper_run):
     packed = jax.jit(lambda: rollout(Structure(), Parameters(), 1e-3, 3, plan, observer).total)()
     assert [x.dtype for x in packed] == [jnp.int32, bool, float]
     assert (int(packed[0]), bool(packed[1])) == (4, True)
-    largest = np.abs(paper_run.signals.computed["sigma"][0][:4]).max()  # carried as scalars
+    largest = np.abs(paper_run.signals.computed["sigma"][0][:4]).max()
     assert float(packed[2]) == pytest.approx(largest, rel=1e-15)

@@ -32,7 +32,7 @@ def test_checkpoints_do_not_change_the_cost(gradients):
 
 
 def test_observer_sees_every_sample(gradients, programs):
-    """The cost again, from a recorded run compiled with other options and without an observer."""
+    """The cost, found on scalars, again from a recorded run on vectors without an observer."""
     run = programs(Structure())(gradient_results.PAPER, gradient_results.STEP, gradient_results.STEPS)
     total = np.sum(jax.vmap(lambda t, s: gradient_results.sample_cost(0.0, t, s))(run.t, run.signals))
     assert gradients["value"] == pytest.approx(float(total), rel=1e-13)

@@ -3,20 +3,25 @@
 from functools import partial
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coopmm_jax as cm
+from coopmm_jax.control.path_motion import aim_at
 from coopmm_jax.control.reference import at_instant, desired_motion
 from coopmm_jax.control.robust_adaptive import ControllerState
 from coopmm_jax.kinds.courses import Sine, Swing
 from coopmm_jax.kinds.paths import Ellipse
 from coopmm_jax.kinds.timings import Rate, RestToRest
+from coopmm_jax.loop.lookahead import aims_ahead
+from coopmm_jax.loop.rollout import Plan, rollout
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.disturbance import disturbing
+from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.parameters import Gains, PathReference
 from tests import path_results
-from tests.beside_a_path import ALONG, CIRCLE, EIGHT, ELLIPSE, FULL, at_level, eight, ellipse, scenario
+from tests.beside_a_path import ALONG, CIRCLE, EIGHT, ELLIPSE, FULL, at_level, eight, ellipse, round_about, scenario
 from tests.oracles import lagrangian
 from tests.samples import poses, rate_of_V1
 
@@ -85,12 +90,15 @@ def test_moving_guide(short_programs):
     assert max(np.abs(phi).max() for phi in run.signals.constraint_residual) < 1e-11
 
 
-def test_free_object(short_programs):
+def test_free_object():
+    """As a batch has it, which does not compute its desired motion ahead."""
     gains = Gains(delta_floor=0.1, K_sigma=(0.5,) * 9, K_lambda=(0.3,), K_I=(1.5,))
     start = ellipse("free", away=0.05)._replace(gains=gains)
-    run = short_programs(FULL._replace(rows=("contact_normal",)))(start)
-    assert_figures(coordinates(run)[0], [0.904677, 2.117298, -0.505915, 1.295563, -0.796942, 1.598500])
-    assert_figures(forces(run), [19.548342])
+    structure = FULL._replace(rows=("contact_normal",))
+    run = jax.jit(lambda start: rollout(structure, start, 1e-3, 1000, Plan.batch(1000), record=True).record)
+    _, signals = run(start)
+    assert_figures([x[-1] for x in signals.position[0]], [0.904677, 2.117298, -0.505915, 1.295563, -0.796942, 1.598500])
+    assert_figures(signals.constraint_force[0][-1], 19.548342)
 
 
 def test_without_a_soft_start_the_contact_pulls(programs):
@@ -196,8 +204,10 @@ def simulated_ellipse():
     return simulated(ELLIPSE, 0.1)
 
 
-def test_projected_law_moves_the_same_and_pulls(simulated_ellipse):
-    run = simulated_ellipse
+def test_projected_law_moves_the_same_and_pulls(simulated_ellipse, along_the_ellipse):
+    run, signals = simulated_ellipse, along_the_ellipse.signals
+    np.testing.assert_allclose(run.q[:201], poses(signals.position)[:201], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.carriage[:201, 0], signals.carriage[0][:201], rtol=1e-12, atol=1e-16)
     assert_figures(np.hstack([run.zeta[-1], run.q[-1, :, 3:]]), ON_THE_ELLIPSE)
     assert_figures(run.constraint_force[-1], [44.905342, -2.617624, 67.380666, -12.304889])
     assert run.constraint_force[:, 0].min() == pytest.approx(-186, abs=0.5)
@@ -215,12 +225,17 @@ def test_simulated_ellipse(simulated_ellipse):
     assert run.metrics["object_final"] == pytest.approx(object_error, rel=1e-9)
 
 
-def test_aims_computed_ahead_change_nothing(simulated_ellipse, along_the_ellipse):
+def test_aims_computed_ahead_are_those_of_each_stage():
     """A rollout alone reads the desired motion from a table, a batch computes it stage by stage."""
-    alone, signals = simulated_ellipse, along_the_ellipse.signals
-    q, carriage = poses(signals.position)[:201], signals.carriage[0][:201]
-    np.testing.assert_allclose(alone.q[:201], q, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(alone.carriage[:201, 0], carriage, rtol=1e-12)
+
+    @jax.jit
+    def both(reference):
+        t = (300.0 + jnp.arange(4.0)[:, None] + jnp.array([[0.0, 0.5, 1.0]])) * 1e-3
+        stages = jax.vmap(jax.vmap(lambda t: aim_at(reference, t)))(t)
+        return aims_ahead(reference, 1e-3, float, False)(300, 4).unpack(), stages
+
+    for ahead, stage in zip(*map(jax.tree.leaves, both(build_model(round_about()).reference)), strict=True):
+        np.testing.assert_allclose(ahead, stage, rtol=1e-14)
 
 
 def test_path_and_rail_along_a_circle_are_the_circle(simulated_paper):

@@ -47,19 +47,6 @@ def test_state_and_forces_of_the_paper(simulated_paper):
     np.testing.assert_allclose(run.torque[-1, 0], [16.8394, 2.1743, 1.4629, 0.1992, 1.4369], rtol=0, atol=1e-4)
 
 
-def test_packed_rollout_is_the_plain_one(simulated_paper, paper_run):
-    """``simulate`` carries vectors; ``paper_run`` carries scalars."""
-    plain, samples = paper_run.signals, len(simulated_paper.t)
-    for mine, other in (
-        (simulated_paper.sigma, plain.computed["sigma"]),
-        (simulated_paper.c_hat, plain.controller.c_hat),
-        (simulated_paper.constraint_force, plain.constraint_force),
-        (simulated_paper.torque, plain.torque),
-    ):
-        other = np.moveaxis(np.array(other)[..., :samples], -1, 0)
-        assert np.abs(mine - other).max() < 1e-13 * np.abs(other).max()
-
-
 def test_world_coordinates(simulated_paper):
     """(6) and the arm's geometry, recomputed from the world coordinates."""
     run = simulated_paper

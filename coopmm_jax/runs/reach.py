@@ -76,8 +76,8 @@ def _nearest(
 
     if not own:
         return 0.0, position
-    best = _least(jax.jit(jax.vmap(distance)), np.array(ranges))
-    return float(distance(*best)), moved(tuple(best[: len(own)]))
+    best, least = _least(jax.jit(jax.vmap(distance)), np.array(ranges))
+    return least, moved(tuple(best[: len(own)]))
 
 
 def _missing(structure: Structure, model: Model, position: Pair[AnyPosition], carriage: Vector, robot: int) -> Vector:
@@ -110,13 +110,14 @@ def _from_surface(contact: ArcContact | LevelContact, phi: Scalar) -> Scalar:
     return jnp.where((contact.facing > 0.0) | ~jnp.isfinite(behind), phi, behind)
 
 
-def _least(function: Callable[..., Scalar], ranges: np.ndarray) -> np.ndarray:
-    """Place (n,) of the least value of a function of n numbers, in ranges (n, 2) given by their middle and half."""
-    place, half = ranges[:, 0], ranges[:, 1]
+def _least(function: Callable[..., jax.Array], ranges: np.ndarray) -> tuple[np.ndarray, float]:
+    """Place (n,) of a function's least value, and this: of n numbers, in ranges (n, 2) given by middle and half."""
+    place, half, least = ranges[:, 0], ranges[:, 1], np.inf
     steps = np.meshgrid(*(np.linspace(-1.0, 1.0, _POINTS),) * len(ranges), indexing="ij")
     grid = np.array([step.ravel() for step in steps]).reshape(len(ranges), -1)
     for _ in range(_ROUNDS):
         tried = place[:, None] + half[:, None] * grid
-        values = function(*map(jnp.asarray, tried))
-        place, half = tried[:, int(jnp.argmin(values))], _CLOSER * half
-    return place
+        values = np.asarray(function(*tried))
+        best = int(np.argmin(values))
+        place, half, least = tried[:, best], _CLOSER * half, float(values[best])
+    return place, least
