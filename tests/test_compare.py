@@ -5,7 +5,6 @@ import json
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import coopmm_jax as cm
@@ -14,6 +13,7 @@ from coopmm_jax.metrics.table import METRICS
 from coopmm_jax.status import Status
 from coopmm_jax.sweeps.measure import SERIES
 from tests import compare_results
+from tests.outlines import outlines
 from tests.reading import Reading
 from tuning.cost.objective import TERMS
 from tuning.reports import compare, compare_figures
@@ -186,9 +186,7 @@ def test_figures(name, rows, columns, small, failing):
     if small:
         axes = Figure(figsize=(3.2 * columns, 1.9 * rows), layout="constrained").subplots(rows, columns)
     figure = getattr(compare_figures, name)(made_up(failing), axes=axes)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
     assert len(figure.axes) == rows * columns
-    boxes = [panel.get_tightbbox(canvas.get_renderer()) for panel in figure.axes]
+    boxes = outlines(figure, rendered=not small)
     assert all(panel.get_xlabel() for panel in figure.axes[-columns:])
     assert all(box.x0 >= -1 and box.y0 >= -1 and box.y1 <= figure.bbox.y1 + 1 for box in boxes)

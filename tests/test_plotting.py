@@ -9,7 +9,6 @@ import sys
 import matplotlib
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
@@ -17,6 +16,7 @@ import coopmm_jax as cm
 from coopmm_jax import plotting
 from coopmm_jax.plotting import lines, style
 from coopmm_jax.status import Status
+from tests.outlines import outlines
 
 # Every figure of one run: how to draw it, and its number of panels.
 FIGURES = {
@@ -66,16 +66,6 @@ def resampled(run, samples, **changes):
     return dataclasses.replace(run, **arrays | changes)
 
 
-@style.styled
-def outlines(figure, rendered):
-    """Boxes of all panels with their labels, after the layout, which is half of what rendering takes."""
-    if rendered:
-        FigureCanvasAgg(figure).draw()
-    else:
-        figure.get_layout_engine().execute(figure)
-    return [axes.get_tightbbox() for axes in figure.axes]
-
-
 def texts(axes):
     return [text.get_text() for text in axes.get_legend().get_texts()]
 
@@ -120,8 +110,7 @@ def test_run_that_fails_at_once(name, samples, run):
     draw, panels = FIGURES[name]
     figure = draw(resampled(run, samples, status=Status.SPEED, status_time=0.0))
     check_labelled(figure, panels)
-    if name != "overview":  # which has all kinds of panels; laying out takes as long as drawing
-        figure.set_layout_engine("none")
+    figure.set_layout_engine("none")  # which takes as long as drawing, and goes by labels, not by data
     figure.draw_without_rendering()
 
 
@@ -132,14 +121,10 @@ def test_failure_is_named_in_the_legend(failed):
 
 
 @each_figure
-def test_draws_on_given_axes(name, run):
+def test_as_many_axes_are_given_as_there_are_panels(name, run):
     draw, panels = FIGURES[name]
-    figure = Figure()
-    axes = figure.subplots(1, panels, squeeze=False)
-    assert draw(run, axes=axes) is figure
-    assert len(figure.axes) == panels
     with pytest.raises(cm.UserError, match=rf"axes: must be {panels} matplotlib axes"):
-        draw(run, axes=[*axes.flat, axes[0, 0]])
+        draw(run, axes=[Figure().subplots()] * (panels + 1))
 
 
 def test_single_axes_need_no_list(run):
@@ -150,13 +135,15 @@ def test_single_axes_need_no_list(run):
 @each_figure
 @pytest.mark.parametrize("small", [False, True])
 def test_nothing_overlaps(name, small, run):
-    """Panels with their labels and legends stay apart and inside the figure; legends stay off the data."""
+    """Panels with their labels and legends stay apart and inside the figure, also one's own; legends off the data."""
     draw, panels = FIGURES[name]
-    axes = None
     if small:
         rows, columns = (3, 4) if panels == 12 else (panels, 1)
-        axes = Figure(figsize=(3.2 * columns, 1.9 * rows), layout="constrained").subplots(rows, columns)
-    figure = draw(run, axes=axes)
+        figure = Figure(figsize=(3.2 * columns, 1.9 * rows), layout="constrained")
+        assert draw(run, axes=figure.subplots(rows, columns)) is figure
+        assert len(figure.axes) == panels
+    else:
+        figure = draw(run)
     boxes = outlines(figure, rendered=not small)
     assert not any(
         one.x0 < other.x1 - 1 and other.x0 < one.x1 - 1 and one.y0 < other.y1 - 1 and other.y0 < one.y1 - 1
