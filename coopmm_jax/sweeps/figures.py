@@ -154,7 +154,8 @@ def _distribution_panel(axes: Axes, results: Results, limit: Requirement | str) 
     # Bins reach to the limit, so that a bar keeps a width to be seen however far from it the values lie.
     reach = [*values, *(() if isinstance(limit, str) else (limit.limit,))]
     span = (min(reach), max(reach)) if reach else None
-    counts = np.asarray(axes.hist(values, bins=BINS, range=span, color=style.pen(0)["color"])[0])
+    counts, edges = np.histogram(values, bins=BINS, range=span)
+    axes.stairs(counts, edges, fill=True, color=style.pen(0)["color"])
     if counts.any():
         axes.set_yscale("log")
         axes.set_ylim(0.7, 2.0 * counts.max())
