@@ -16,7 +16,6 @@ from typing import Protocol
 import numpy as np
 from PIL import Image
 from scipy.spatial import KDTree
-from scipy.stats import mode
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import write_text
@@ -123,7 +122,9 @@ def indexed(frames: Frames) -> Iterator[Image.Image]:
 def _still(frames: Frames, entry: np.ndarray) -> np.ndarray:
     """Background (height, width): the palette's entry that each pixel shows most often, in a few frames."""
     sampled = np.unique(np.linspace(0, len(frames) - 1, SAMPLED).astype(int))
-    return mode(np.stack([entry[_bin(frames.picture(k))] for k in sampled])).mode
+    shown = np.sort(np.stack([entry[_bin(frames.picture(k))] for k in sampled]), axis=0)
+    times = np.stack([np.sum(shown == one, axis=0, dtype=np.uint8) for one in shown])
+    return np.take_along_axis(shown, times.argmax(axis=0)[None], axis=0)[0]
 
 
 def _encoded(colours: np.ndarray, shown: np.ndarray) -> str:
