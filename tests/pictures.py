@@ -13,15 +13,19 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 
-def leave_pictures_blank() -> None:
-    """Write a blank picture of the same size wherever a figure is saved as a PNG file; streams get the figure."""
+def leave_pictures_blank(streams: bool = False) -> None:
+    """Write a blank picture of the same size wherever a figure is saved as a PNG file.
+
+    Args:
+        streams: leave pictures blank that notebooks show, too; otherwise streams get the figure.
+    """
     render = Figure.savefig
 
     @functools.wraps(render)
     def savefig(figure, target, **options):
-        if isinstance(target, str | Path) and Path(target).suffix == ".png":
+        if Path(target).suffix == ".png" if isinstance(target, str | Path) else streams:
             size = figure.get_size_inches() * options.get("dpi", figure.dpi)
-            Image.new("L", tuple(int(pixels) for pixels in size), "white").save(target)
+            Image.new("L", tuple(int(pixels) for pixels in size), "white").save(target, "PNG")
         else:
             render(figure, target, **options)
 

@@ -21,11 +21,13 @@ SECONDS = 300  # of one cell, with every function compiled anew on a busy machin
 def kernel():
     """Client of the kernel that all notebooks share: its imports and compiled programs, not names.
 
-    Of small size, with the compilation cache of the tests and their options of XLA.
+    Of small size, with the compilation cache of the tests and their options of XLA, and with blank pictures.
     """
     environment = os.environ | {"COOPMM_SMALL": "1", "COOPMM_CACHE_DIR": jax.config.jax_compilation_cache_dir}
+    environment["PYTHONPATH"] = str(EXPERIMENTS.parent)
     place = {"metadata": {"path": EXPERIMENTS / "notebooks"}}
-    client = NotebookClient(nbformat.v4.new_notebook(), timeout=SECONDS, resources=place)
+    begin = nbformat.v4.new_code_cell("from tests import pictures\npictures.leave_pictures_blank(streams=True)")
+    client = NotebookClient(nbformat.v4.new_notebook(cells=[begin]), timeout=SECONDS, resources=place)
     client.execute(env=environment, cleanup_kc=False)
     yield client
     with client.setup_kernel():  # which ends it
