@@ -19,7 +19,7 @@ SAMPLE = 2
 
 
 def results(folder):
-    """Three sets; with one of another controller; in another order; one sample alone; simulated; the command."""
+    """Three sets; a fourth of another controller; a scenario with that; permuted; on one sample; simulated; printed."""
     scenario = cm.load_scenario(folder / "short.toml")
     stiff, other, certain = (folder / f"{name}.toml" for name in ("stiff", "other", "certain"))
     with contextlib.redirect_stdout(io.StringIO()) as printed:
@@ -36,9 +36,10 @@ def results(folder):
     return {
         "compared": compare_gains(scenario, [OWN, stiff, other]),
         "controllers": compare_gains(scenario, [certain, OWN, stiff, other]),
+        "controlled": compare_gains(scenario.with_overrides(read_gains(certain)), [OWN, stiff]),
         "permuted": compare_gains(scenario, [other, OWN, stiff, other]),
         "alone": compare_gains(scenario, [OWN, stiff], samples=1),
-        "simulated": [cm.simulate(single).metrics for single in _singles(scenario, stiff, other, certain)],
+        "simulated": [cm.simulate(single).metrics for single in _singles(scenario, stiff, other)],
         "command": (code, printed.getvalue()),
     }
 
