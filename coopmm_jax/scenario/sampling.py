@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.stats import qmc
 
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.variation import HIGHEST, LOWEST
@@ -47,6 +46,8 @@ def _independent(seed: int, dimensions: int) -> Points:
 
 
 def _sobol(seed: int, dimensions: int) -> Points:
+    from scipy.stats import qmc  # takes 0.7 s, and other samples do without
+
     engine = qmc.Sobol(dimensions, scramble=True, rng=seed)
 
     def point(index: int) -> np.ndarray:
