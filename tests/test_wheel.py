@@ -110,8 +110,11 @@ def test_modules_come_from_the_wheel(folder, programs):
     assert version == coopmm_jax.__version__
 
 
-def test_command_runs_away_from_the_checkout(folder, programs):
-    out = run(programs / "coopmm", "simulate", "paper", "--simulation.duration", "0.02", "--out", "run", cwd=folder)
+def test_command_runs_away_from_the_checkout_and_needs_no_display(folder, programs):
+    code = "import sys; from coopmm_jax.cli import main; main(); print('matplotlib.pyplot' in sys.modules)"
+    words = ("simulate", "paper", "--simulation.duration", "0.02", "--out", "run")
+    out = run(programs / "python", "-c", code, *words, cwd=folder)
     assert "contact" in out  # among the metrics
+    assert out.endswith("False\n")
     assert (folder / "run" / "overview.png").stat().st_size > 10_000
     assert "--adversarial" in run(programs / "coopmm", "tune", "--help", cwd=folder)
