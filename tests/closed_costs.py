@@ -1,9 +1,6 @@
 """Closed-form costs in the place of rollouts, for tests of what tuning does around them."""
 
-import functools
-
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from coopmm_jax.scenario.scenario import load_scenario
@@ -22,21 +19,28 @@ def scenario(**settings):
     return load_scenario("paper", uncertainty=MASS, tuning=QUICK | settings)
 
 
-def terms_of(vector, row):
-    """A curved valley in every pair of neighbours, at a place that depends on the sample; all terms positive."""
-    place = 0.3 + 0.1 * jnp.mean(jnp.where(jnp.abs(row) < 100.0, row, 0.0))  # no limits, no number of a noise stream
-    bends = (vector[1:] - 0.2 * vector[:-1] ** 2) ** 2
-    total = jnp.sum(bends) + jnp.sum((vector - place) ** 2 * jnp.linspace(0.1, 3.0, len(vector)))
-    return jnp.stack([total / (i + 1) + 0.01 for i in range(len(TERMS))])
+def sizes(rows):
+    """Mean size of each sample's numbers (N,), without limits and numbers of a noise stream."""
+    return np.mean(np.where(np.abs(rows) < 100.0, rows, 0.0), axis=-1)
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def many(kind, vectors, rows, coefficients):
-    def cost(vector, row):
-        return jnp.dot(coefficients, terms_of(vector, row))
+def terms_of(vector, size):
+    """A curved valley in every pair of neighbours (n, ...), at a place that depends on the sample; all positive."""
+    weights = np.linspace(0.1, 3.0, len(vector)).reshape(-1, *(1,) * (vector.ndim - 1))
+    bends = ((vector[1:] - 0.2 * vector[:-1] ** 2) ** 2).sum(0)
+    total = bends + ((vector - 0.3 - 0.1 * size) ** 2 * weights).sum(0)
+    return [total / (i + 1) + 0.01 for i in range(len(TERMS))]
 
-    function = terms_of if kind == "terms" else jax.value_and_grad(cost)
-    return jax.vmap(lambda v: jax.vmap(lambda r: function(v, r))(rows))(vectors)
+
+@jax.jit
+def costs_and_slopes(vectors, sizes, coefficients):
+    """Of vectors (C, n) on samples of N sizes: (C, N) and (C, N, n)."""
+
+    def cost(vector, size):
+        return sum(coefficient * term for coefficient, term in zip(coefficients, terms_of(vector, size)))
+
+    of_sizes = jax.vmap(jax.value_and_grad(cost), in_axes=(None, 0))
+    return jax.vmap(of_sizes, in_axes=(0, None))(vectors, sizes)
 
 
 def replace_rollouts(monkeypatch):
@@ -47,14 +51,14 @@ def replace_rollouts(monkeypatch):
         begun, asked = [], []  # gradients: what is compiled early, and what is asked for
 
     def evaluate(objective, vectors, samples, precision="float64"):
-        terms = np.asarray(many("terms", np.asarray(vectors), samples.rows, np.ones(len(TERMS))))
+        terms = np.stack(terms_of(np.asarray(vectors).T[..., None], sizes(samples.rows)), axis=-1)
         lost = np.array([[Stand.lost(vector)] * len(samples) for vector in vectors])
         return batches.Evaluated(terms, ~lost, np.where(lost, 0.5, 1.0))
 
     def gradients(objective, vectors, samples, coefficients):
         Stand.calls += 1
         Stand.asked.append((objective, samples.structure, samples.rows.shape[1]))
-        return tuple(np.array(x) for x in many("gradient", np.asarray(vectors), samples.rows, coefficients))
+        return tuple(np.array(x) for x in costs_and_slopes(np.asarray(vectors), sizes(samples.rows), coefficients))
 
     def compare(problem, vectors, first, count):
         samples = problem.samples(first, count)

@@ -14,7 +14,7 @@ import tuning
 from coopmm_jax.cli import main
 from coopmm_jax.errors import UserError
 from coopmm_jax.scenario.scenario import load_scenario
-from tests.closed_costs import MASS, QUICK, replace_rollouts
+from tests.closed_costs import MASS, QUICK, replace_rollouts, sizes
 from tests.reading import Reading
 from tuning.cost import goals as goals_module
 from tuning.cost import required
@@ -33,23 +33,25 @@ def scenario(requirements=REQUIREMENTS, **settings):
     return load_scenario("paper", uncertainty=MASS, requirements=requirements, tuning=settings)
 
 
-def robustness_of(vector, row):
+def robustness_of(vector, size):
     """A ball for the first hard requirement, another for the second, which overlap; a soft one that pulls outside."""
-    mass = 0.1 * jnp.mean(jnp.where(jnp.abs(row) < 100.0, row, 0.0))  # no limits, no number of a noise stream
-    first = 2.0 - 0.3 * jnp.sum((vector - 0.2) ** 2) - mass
-    second = 2.0 - 0.3 * jnp.sum((vector + 0.2) ** 2) - mass
-    return jnp.stack([first, second, 0.5 * vector[0] - 0.1 * jnp.sum(vector[1:] ** 2)])
+    first = 2.0 - 0.3 * ((vector - 0.2) ** 2).sum(0) - 0.1 * size
+    second = 2.0 - 0.3 * ((vector + 0.2) ** 2).sum(0) - 0.1 * size
+    return first, second, 0.5 * vector[0] - 0.1 * (vector[1:] ** 2).sum(0)
+
+
+def excluding(vector, size):
+    """Robustness of two requirements that exclude each other, and of one at its limit."""
+    return vector[0] - 0.1, -vector[0] - 0.1, 0.0 * vector[0]
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def many(values, vectors, rows):
-    return jax.vmap(lambda vector: jax.vmap(lambda row: values(vector, row))(rows))(vectors)
+def slopes(values, vectors, sizes, weights):
+    def total(vector, size, weights):
+        return sum(weight * value for weight, value in zip(weights, values(vector, size)))
 
-
-@functools.partial(jax.jit, static_argnums=0)
-def slopes(values, vectors, rows, weights):
-    over_rows = jax.vmap(jax.grad(lambda v, row, w: jnp.dot(w, values(v, row))), in_axes=(None, 0, 0))
-    return jax.vmap(over_rows, in_axes=(0, None, 0))(vectors, rows, weights)
+    over_sizes = jax.vmap(jax.grad(total), in_axes=(None, 0, 0))
+    return jax.vmap(over_sizes, in_axes=(0, None, 0))(vectors, sizes, weights)
 
 
 @pytest.fixture
@@ -62,14 +64,15 @@ def closed(monkeypatch):
         lost = staticmethod(lambda vector: False)
 
     def evaluate(stated, vectors, samples, numbers, precision="float64"):
-        found = np.array(many(Closed.values, jnp.asarray(vectors), samples.rows))
+        found = Closed.values(vectors.T[..., None], sizes(samples.rows))
+        found = np.stack([np.broadcast_to(each, (len(vectors), len(samples))) for each in found], axis=-1)
         lost = np.array([[Closed.lost(vector)] * len(samples) for vector in vectors])
         return required.Robustness(np.where(lost[..., None], -1.5 * FAILED, found), ~lost)
 
     def gradients(stated, vectors, samples, numbers):
         count = len(stated.limits)
 
-        return np.array(slopes(Closed.values, jnp.asarray(vectors), samples.rows, numbers[..., :count]))
+        return np.array(slopes(Closed.values, vectors, sizes(samples.rows), numbers[..., :count]))
 
     monkeypatch.setattr(required, "evaluate", evaluate)
     monkeypatch.setattr(required, "gradients", gradients)
@@ -159,7 +162,7 @@ def test_tuning_keeps_hard_requirements_and_lowers_the_soft_goal(closed, optimis
 
 
 def test_requirements_that_exclude_each_other_are_named(closed):
-    closed.values = staticmethod(lambda v, row: jnp.stack([v[0] - 0.1, -v[0] - 0.1, 0.0 * v[0]]))
+    closed.values = staticmethod(excluding)
     result = tuning.tune(scenario())
     names = tuple(map(str, result.scenario.requirements.parsed()[:2]))
     assert result.conflict is not None
@@ -171,7 +174,7 @@ def test_requirements_that_exclude_each_other_are_named(closed):
 
 
 def test_killed_and_resumed_is_uninterrupted_and_knows_the_conflict(closed, tmp_path):
-    closed.values = staticmethod(lambda v, row: jnp.stack([v[0] - 0.1, -v[0] - 0.1, 0.0 * v[0]]))
+    closed.values = staticmethod(excluding)
     whole = tuning.tune(scenario())
 
     def kill(row):
@@ -198,7 +201,7 @@ def test_conflicts_are_the_smallest():
 
 def test_the_report_says_what_holds_by_what_margin_and_how_certainly(closed, tmp_path):
     stated = {"force_min": HARD, "contact_loss_fraction": "<= 0.1"}
-    closed.values = staticmethod(lambda v, row: robustness_of(v, row)[:2])
+    closed.values = staticmethod(lambda vector, size: robustness_of(vector, size)[:2])
     result = tuning.tune(scenario(requirements=stated, budget=5.0), out=tmp_path)
     report.write_report(tmp_path, result)
     text = (tmp_path / "report.txt").read_text()
