@@ -117,7 +117,7 @@ def test_slopes_of_the_loop_by_every_gain_are_those_of_differences(case):
     count = len(leaves)
 
     def loop(values):
-        model = case.model._replace(gains=jax.tree.unflatten(tree, list(values)))
+        model = case.model._replace(gains=jax.tree.unflatten(tree, values))
         rates, signals = closed_loop(LAWS[1], model, T, case.state)
         return jnp.stack([*rates.velocity, *jax.tree.leaves(rates.controller), *signals.constraint_force])
 
@@ -125,7 +125,7 @@ def test_slopes_of_the_loop_by_every_gain_are_those_of_differences(case):
     directions = np.zeros((1 + len(SHIFTS), MOST_GAINS, count))
     directions[:, :count] = np.diag(leaves)
     points = np.array(leaves) + np.array([0.0, *SHIFTS])[:, None, None] * directions
-    batch = (x.reshape(-1, count) for x in (points, directions))
+    batch = (list(x.reshape(-1, count).T) for x in (points, directions))
     found = jax.vmap(lambda x, along: jax.jvp(loop, (x,), (along,)))(*batch)
     values, slopes = (np.array(x).reshape(1 + len(SHIFTS), MOST_GAINS, -1)[:, :count] for x in found)
     differences = np.tensordot([-1.0, 8.0, -8.0, 1.0], values[1:], 1) / (6.0 * SHIFTS[0])
