@@ -33,7 +33,7 @@ def drawn(seed, count):
 
 def ran(sentence, signals):
     """Robustness as it is gathered sample by sample."""
-    numbers = jnp.array(sentence.numbers)
+    numbers = np.array(sentence.numbers)
     known = monitor.unwatched(sentence.form, jnp.zeros(()))
     for i in range(LAST + 1):
         now = {name: signals[name][i] for name in signals_of(sentence.form)}
@@ -43,8 +43,8 @@ def ran(sentence, signals):
 
 def looked_at(sentence, signals, temperature=None):
     """Robustness from all samples."""
-    given = {name: jnp.asarray(signals[name]) for name in signals_of(sentence.form)}
-    return robustness(sentence.form, given, jnp.array(sentence.numbers), STEP, LAST, temperature)
+    given = {name: np.asarray(signals[name]) for name in signals_of(sentence.form)}
+    return robustness(sentence.form, given, np.array(sentence.numbers), STEP, LAST, temperature)
 
 
 @pytest.fixture(autouse=True)
@@ -95,19 +95,19 @@ def test_smooth_gradients_are_those_of_differences():
     for _, sentence, signals in drawn(3, 12):
         if sentence.reach() > STEP * (LAST - 3):
             continue
-        given = {name: jnp.asarray(signals[name]) for name in signals_of(sentence.form)}
+        given = {name: np.asarray(signals[name]) for name in signals_of(sentence.form)}
         tolerances = np.array([label is not None for label in sentence.labels])
-        numbers = jnp.array(sentence.numbers)
+        numbers = np.array(sentence.numbers)
 
         def value(given, numbers, sentence=sentence):
             return robustness(sentence.form, given, numbers, STEP, LAST, 0.3)
 
         slopes = jax.grad(value, (0, 1))(given, numbers)
-        way = jax.tree.map(lambda x: jnp.asarray(rng.normal(size=x.shape)), (given, numbers))
-        way = (way[0], jnp.where(tolerances, way[1], 0.0))
+        way = jax.tree.map(lambda x: rng.normal(size=x.shape), (given, numbers))
+        way = (way[0], np.where(tolerances, way[1], 0.0))
         ends = [jax.tree.map(lambda x, d, h=h: x + h * d, (given, numbers), way) for h in (-1e-5, 1e-5)]
         difference = (value(*ends[1]) - value(*ends[0])) / 2e-5
-        slope = sum(jnp.vdot(a, b) for a, b in zip(jax.tree.leaves(slopes), jax.tree.leaves(way), strict=True))
+        slope = sum(np.vdot(a, b) for a, b in zip(jax.tree.leaves(slopes), jax.tree.leaves(way), strict=True))
         assert float(slope) == pytest.approx(float(difference), rel=1e-6, abs=1e-7), sentence.text
         checked += 1
     assert checked > 8
