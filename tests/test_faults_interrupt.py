@@ -14,25 +14,27 @@ ENDINGS = {signal.SIGINT: (130, "coopmm: interrupted\n"), signal.SIGTERM: (143, 
 @pytest.fixture(scope="module")
 def stopped(tmp_path_factory):
     """Signal -> how a command in the midst of XLA ended by it: exit code, stderr, seconds, files left."""
-    running, found = {}, {}
+    running, began, found = {}, {}, {}
     for number in ENDINGS:
         folder = tmp_path_factory.mktemp(number.name)
         command = [sys.executable, "-m", "tests.interrupt_worker", "simulate", "paper", "--out", str(folder / "run")]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         process = subprocess.Popen(command, env=os.environ | {"COOPMM_CACHE_DIR": str(folder / "cache")}, **pipes)
         running[number] = process, folder
-    for number, (process, folder) in running.items():
-        try:
+    try:
+        for number, (process, folder) in running.items():
             assert process.stdout.readline() == "computing\n"
             assert any(path.suffix == ".partial" for path in folder.iterdir())
-            began = time.monotonic()
+            began[number] = time.monotonic()
             process.send_signal(number)
+        for number, (process, folder) in running.items():
             _, err = process.communicate(timeout=20)
-        finally:
+            seconds = time.monotonic() - began[number]
+            left = sorted(path.name for path in folder.iterdir() if path.name != "cache")
+            found[number] = process.returncode, err, seconds, left
+    finally:
+        for process, _ in running.values():
             process.kill()
-        seconds = time.monotonic() - began
-        left = sorted(path.name for path in folder.iterdir() if path.name != "cache")
-        found[number] = process.returncode, err, seconds, left
     return found
 
 
