@@ -29,6 +29,8 @@ _OPTIMISATION = "--xla_backend_optimization_level=1"
 _MANY_CHECKS = "--xla_backend_extra_options=-vectorize-memory-check-threshold=100000"
 _CHECKS_PAY = "--xla_backend_extra_options=-force-target-instruction-cost=100"
 _COLLECTIONS = (50_000, 10, 10)
+_CACHE = "jax_compilation_cache_dir"
+_KEPT = {"jax_persistent_cache_min_compile_time_secs": 0.02, "jax_persistent_cache_min_entry_size_bytes": 0}
 
 
 def backend_is_up() -> bool:
@@ -119,16 +121,18 @@ def use_compilation_cache() -> Path:
     Raises:
         UserError: COOPMM_CACHE_DIR is no path.
     """
-    import jax
-
     from coopmm_jax.files import resolve_path
 
+    jax = sys.modules.get("jax")
+    set_already = jax.config.values[_CACHE] if jax else os.environ.get(_CACHE.upper())
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    default = jax.config.values["jax_compilation_cache_dir"] or Path(home) / "coopmm_jax"
+    default = set_already or Path(home) / "coopmm_jax"
     folder = resolve_path(os.environ.get("COOPMM_CACHE_DIR") or default, "COOPMM_CACHE_DIR").absolute()
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.02)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+    for name, value in ((_CACHE, str(folder)), *_KEPT.items()):
+        if jax:
+            jax.config.update(name, value)
+        else:  # which reads the environment when it is imported, only once the input has turned out to be usable
+            os.environ[name.upper()] = str(value)
     return folder
 
 

@@ -24,10 +24,8 @@ class StandIn:
 
 
 if __name__ == "__main__":
-    from coopmm_jax import runtime
     from coopmm_jax.cli import main
 
     coopmm_jax.simulate = StandIn()
-    runtime.use_compilation_cache = lambda: None  # which imports JAX
     sys.modules["coopmm_jax.plotting"] = SimpleNamespace(style=SimpleNamespace(publish=lambda *_: None))
     sys.exit(main())

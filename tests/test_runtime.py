@@ -51,26 +51,30 @@ def test_environment_variable_turns_options_off():
     assert in_new_process(code, COOPMM_NO_XLA_OPTIONS="1") == "False"
 
 
-def test_xla_accepts_the_options_of_fast_compilation():
+def test_jax_and_xla_accept_what_is_set_before_they_are_imported(tmp_path):
     code = """
-import os, coopmm_jax
+import os, sys
 from coopmm_jax import runtime
 runtime.use_processor()
 assert runtime.use_fast_compilation()
 print(os.environ["XLA_FLAGS"])
 assert runtime.use_fast_compilation(batches=True)
 print(os.environ["XLA_FLAGS"].split()[-2:])
+print(runtime.use_compilation_cache())
+assert "jax" not in sys.modules
 import jax
-print(jax.config.jax_platforms)
+kept = jax.config.jax_persistent_cache_min_compile_time_secs, jax.config.jax_persistent_cache_min_entry_size_bytes
+print(jax.config.jax_platforms, jax.config.jax_compilation_cache_dir, *kept)
 with jax.enable_x64(True):
     print(jax.jit(lambda x: jax.lax.fori_loop(0, 3, lambda _, y: y * 1.5, x))(2.0))
 assert runtime.use_fast_compilation()
 """
     extra = "--xla_backend_extra_options=-"
-    assert in_new_process(code, JAX_PLATFORMS="").splitlines() == [
+    assert in_new_process(code, JAX_PLATFORMS="", COOPMM_CACHE_DIR=f"{tmp_path}").splitlines() == [
         f"{WHOLE_LOOPS} {MULTI_OUTPUT} --xla_cpu_prefer_vector_width=512 --xla_backend_optimization_level=1",
         f"['{extra}vectorize-memory-check-threshold=100000', '{extra}force-target-instruction-cost=100']",
-        "cpu",
+        f"{tmp_path}",
+        f"cpu {tmp_path} 0.02 0",
         "6.75",
     ]
 
