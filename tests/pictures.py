@@ -25,7 +25,7 @@ def leave_pictures_blank(streams: bool = False) -> None:
     def savefig(figure, target, **options):
         if Path(target).suffix == ".png" if isinstance(target, str | Path) else streams:
             size = figure.get_size_inches() * options.get("dpi", figure.dpi)
-            Image.new("L", tuple(int(pixels) for pixels in size), "white").save(target, "PNG")
+            Image.new("1", tuple(int(pixels) for pixels in size), "white").save(target, "PNG")
         else:
             render(figure, target, **options)
 
