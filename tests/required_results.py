@@ -14,7 +14,7 @@ from tuning.cost import required
 from tuning.cost.problem import unscaled
 from tuning.cost.required import Required
 from tuning.cost.shortfall import Shortfall
-from tuning.studies.falsify import RANDOM, SampleCost, falsify
+from tuning.studies.falsify import RANDOM, falsify
 from tuning.studies.modes import modes
 
 OWN = """
@@ -97,8 +97,6 @@ def gradients(problem):
     """Slopes by reverse mode and by differences: of a metric and a sentence by draws, of all by numbers of samples."""
     stated = problem.scenario.requirements.parsed()
     shortfall, of_metric = (Shortfall.of(problem, each) for each in (stated[0], stated[-1]))
-    landscape = SampleCost(shortfall, problem.variation, problem.start)
-    points = np.array([[0.3, 0.6, 0.8, 0.4, 0.1]])
     mine = Required.of(problem.cost.objective, problem.scenario)
     weights = np.array([1.0, 0.5, 0.25, 2.0])
     samples = problem.samples(0, 2)
@@ -112,6 +110,6 @@ def gradients(problem):
     ahead, behind = values.reshape(2, len(columns), 2)
     return {
         "of_metric": falsify_results.slopes(of_metric, problem),
-        "of_sentence": [landscape.reverse(points), landscape.differences(points, landscape.values(points))],
+        "of_sentence": [falsify_results.slopes(shortfall, problem)[kind] for kind in ("reverse", "central")],
         "of_all": [slopes[:, columns], (ahead - behind).T / (2.0 * STEP)],
     }
