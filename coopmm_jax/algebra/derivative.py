@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from coopmm_jax.algebra.later import jax, jnp
+from coopmm_jax.algebra.later import jax, jnp, np
 from coopmm_jax.algebra.types import Scalar
 
 

@@ -1,4 +1,4 @@
-"""JAX, fetched when it is first used: modules that scenario files are read with know fields without importing it.
+"""JAX and NumPy, fetched when first used: modules that scenario files are read with know fields without importing them.
 
 >>> float(jnp.maximum(1.0, 2.0)), round(float(sincos(0.5)[0]), 7)
 (2.0, 0.4794255)
@@ -17,18 +17,21 @@ class _Later:
         self._module = name
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(import_module(self._module), name)
+        found = getattr(import_module(self._module), name)
+        setattr(self, name, found)  # and is not asked for again
+        return found
 
 
 if TYPE_CHECKING:
     import jax
     import jax.numpy as jnp
+    import numpy as np
     from jax import lax
 
     from coopmm_jax.algebra.angle import angle_of
     from coopmm_jax.algebra.sincos import sincos, wrapped
 else:
-    jax, jnp, lax = _Later("jax"), _Later("jax.numpy"), _Later("jax.lax")
+    jax, jnp, lax, np = map(_Later, ("jax", "jax.numpy", "jax.lax", "numpy"))
 
     def angle_of(x, y):
         """Angle of a vector (x, y) of scalars [rad], see ``algebra/angle.py``."""
@@ -43,4 +46,4 @@ else:
         return import_module("coopmm_jax.algebra.sincos").wrapped(angle)
 
 
-__all__ = ["angle_of", "jax", "jnp", "lax", "sincos", "wrapped"]
+__all__ = ["angle_of", "jax", "jnp", "lax", "np", "sincos", "wrapped"]

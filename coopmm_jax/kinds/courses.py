@@ -12,10 +12,8 @@ import itertools
 import math
 from typing import Annotated, Any, NamedTuple, Protocol
 
-import numpy as np
-
 from coopmm_jax.algebra.derivative import derivatives
-from coopmm_jax.algebra.later import jnp, sincos
+from coopmm_jax.algebra.later import jnp, np, sincos
 from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.errors import UserError
 from coopmm_jax.kinds import fits

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
+from coopmm_jax.algebra.later import np
 
 _FINE = 2048  # points at which spline and series are compared
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 from typing import Annotated, Any, NamedTuple
 
-import numpy as np
-
+from coopmm_jax.algebra.later import np
 from coopmm_jax.algebra.types import PyTree, Scalar, Vector
 from coopmm_jax.errors import UserError
 from coopmm_jax.files import resolve_path
