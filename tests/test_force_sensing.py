@@ -110,7 +110,7 @@ def runs():
             reference = paper.reference._replace(contact_force=wanted)
             parameters = paper._replace(gains=gains, reference=reference, hardware=Hardware(force_lag=lag))
             jobs[name, wanted] = (SENSED, parameters, PERIOD, STEPS)
-    programs = functools.cache(lambda structure: Program(structure, LONG))
+    programs = functools.cache(lambda structure: Program(structure, 10_000))  # room for as many as test_real_loop.py
     return {name: programs(structure)(*job) for name, (structure, *job) in jobs.items()}
 
 

@@ -152,6 +152,7 @@ def test_noise_reaches_the_force_sensor(rough):
     keep = np.exp(-PERIOD / rough.parameters.hardware.force_lag)
     arrived = (shown[1:] - keep * shown[:-1]) / (1 - keep)
     model, structure = build_model(as_scalars(rough.parameters, float)), SCENARIOS["rough"].structure()
-    noise = np.array([draw_noise(structure, model, sample).force for sample in range(steps)])
+    draw = jax.jit(jax.vmap(lambda sample: draw_noise(structure, model, sample).force))
+    noise = np.array(draw(np.arange(steps))).T
     assert np.std(noise) == pytest.approx(0.2, rel=0.2)
     np.testing.assert_allclose(arrived - rough.force[:steps], noise, rtol=0, atol=1e-10)

@@ -77,7 +77,7 @@ def test_force_integral_makes_one_euler_step_per_sample(runs):
     np.testing.assert_allclose(np.diff(integral), HORIZON / STEPS[0] * errors[:, :-1], rtol=0, atol=1e-14)
 
 
-NOW = 0.3  # [s]
+NOW, PERIOD = 0.3, 1e-3  # [s]
 
 
 @pytest.fixture(scope="module")
@@ -90,12 +90,17 @@ def moving():
     return parameters, as_scalars(start._replace(velocity=velocity, devices=devices), float)
 
 
-def one_period(structure, moving, period):
+def one_period(structure, moving):
     """State after one period and signals, operation by operation, so that equal arithmetic gives equal bits."""
     parameters, state = moving
     with jax.disable_jit():
-        now, period = jnp.asarray(NOW), jnp.asarray(period)
+        now, period = jnp.asarray(NOW), jnp.asarray(PERIOD)
         return sampled_step(structure, Scalars(), build_model(parameters), jnp.int32(7), now, period, state)
+
+
+@pytest.fixture(scope="module")
+def ideal_period(moving):
+    return one_period(DELAYED, moving)
 
 
 def oracle_rates(plant, disturbance, torque, t, state):
@@ -110,11 +115,10 @@ def oracle_rates(plant, disturbance, torque, t, state):
 
 def test_torque_is_held_for_a_period(moving):
     """Two steps of RK4 in one period, against an adaptive integrator of the Lagrangian under the sample's torque."""
-    (parameters, start), period = moving, 2e-3
-    end, signals = one_period(DELAYED._replace(substeps=2), moving, period)
+    (parameters, start), (end, signals) = moving, one_period(DELAYED._replace(substeps=2), moving)
     rates = partial(oracle_rates, parameters.plant, parameters.disturbance, np.ravel(signals.torque))
     before = np.concatenate([poses(start.position).ravel(), np.ravel(signals.velocity)])
-    exact = solve_ivp(rates, (NOW, NOW + period), before, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    exact = solve_ivp(rates, (NOW, NOW + PERIOD), before, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     np.testing.assert_allclose(poses(end.position).ravel(), exact[:12], rtol=0, atol=5e-11)
     independent = [i for i in range(10) if i not in lagrangian.dependent_joints(ALL_ROWS)]
     np.testing.assert_allclose(end.velocity, exact[12:][independent], rtol=0, atol=5e-11)
@@ -127,16 +131,11 @@ def test_hold_keeps_the_first_signals_and_passes_time_on():
     assert tuple(map(float, signals)) == (1.0, 2.0)
 
 
-@pytest.fixture(scope="module")
-def ideal_period(moving):
-    return one_period(DELAYED, moving, 1e-3)
-
-
 @pytest.mark.parametrize("limits", ["torque_limits", "smooth_limits"])
 def test_features_with_ideal_numbers_change_no_bit(moving, ideal_period, limits):
     others = ("force_bias", "noise", "friction", "tip_friction", "surface_motion")
     features = Features(**dict.fromkeys((limits, *others), True))
-    with_features = one_period(DELAYED._replace(features=features), moving, 1e-3)
+    with_features = one_period(DELAYED._replace(features=features), moving)
     assert np.array_equal(jax.tree.leaves(with_features), jax.tree.leaves(ideal_period))
 
 
