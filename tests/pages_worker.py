@@ -6,6 +6,7 @@ Of its own, as it makes small what has no option for it. Readers come on the sta
 
 import contextlib
 import functools
+import gc
 import importlib
 import inspect
 import io
@@ -138,6 +139,7 @@ def main():
         with a_new_reader(folder):
             results.append(carry_out(jobs))
     print(json.dumps(results))
+    gc.freeze()  # leaves nothing to the collections at the end
 
 
 if __name__ == "__main__":

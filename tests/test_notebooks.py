@@ -14,6 +14,13 @@ from coopmm_jax import list_scenarios
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 NOTEBOOKS = sorted((EXPERIMENTS / "notebooks").glob("*.ipynb"))
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+BEGIN = """
+import atexit, gc
+from tests import pictures
+
+pictures.leave_pictures_blank(streams=True)
+atexit.register(gc.freeze)  # leaves nothing to the collections at the end, which take a second each
+"""
 SECONDS = 300  # of one cell, with every function compiled anew on a busy machine
 
 
@@ -26,7 +33,7 @@ def kernel():
     environment = os.environ | {"COOPMM_SMALL": "1", "COOPMM_CACHE_DIR": jax.config.jax_compilation_cache_dir}
     environment["PYTHONPATH"] = str(EXPERIMENTS.parent)
     place = {"metadata": {"path": EXPERIMENTS / "notebooks"}}
-    begin = nbformat.v4.new_code_cell("from tests import pictures\npictures.leave_pictures_blank(streams=True)")
+    begin = nbformat.v4.new_code_cell(BEGIN)
     client = NotebookClient(nbformat.v4.new_notebook(cells=[begin]), timeout=SECONDS, resources=place)
     client.execute(env=environment, cleanup_kc=False)
     yield client

@@ -11,6 +11,7 @@ For an optimiser of your own:
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -124,7 +125,7 @@ class Problem:
         first = TRAINING + _SET * (draw - SCREENING)
         return Samples(self.variation.batch(np.clip(points, LOWEST, HIGHEST), range(first, first + count)))
 
-    @property
+    @functools.cached_property
     def fixed(self) -> Samples:
         """The Sobol set that tuning chooses by."""
         return self.drawn(self.scenario.tuning.validation_samples, CHOICE)
