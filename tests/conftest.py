@@ -33,8 +33,8 @@ jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 # Files that take longest, first, so that two workers end together; the notebooks when the pages, whose programs most of
 # them run, have been carried out.
 _LONGEST = (
-    *("pages", "sweep", "objective", "compare", "path_motion", "faults_damage", "tuning", "gradients", "notebooks"),
-    *("compliant_contact", "falsify", "fuzz", "actuators", "lyapunov", "plant"),
+    *("pages", "sweep", "path_motion", "compare", "objective", "required", "gradients", "notebooks", "slopes"),
+    *("lyapunov", "fuzz", "compliant_contact", "sampled_loop", "platforms", "tuning", "engine", "real_loop"),
 )
 
 
