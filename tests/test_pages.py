@@ -194,11 +194,7 @@ def of_extensions(results):
 def test_page_on_what_can_be_added(of_extensions, page):
     told = [text for _, text, _ in extension(page)]
     assert len(told) >= 4
-    for text in told:
-        outcome = of_extensions[page][text]["outcome"]
-        assert isinstance(outcome, list) or outcome == 0, (
-            f"{text}\n{outcome}\n{of_extensions[page][text]['said'][-2000:]}"
-        )
+    assert_carried_out(of_extensions[page], told)
 
 
 def test_what_plugins_add_is_there(of_extensions, extended):
