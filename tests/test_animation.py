@@ -242,6 +242,14 @@ def test_page_holds_every_frame_and_needs_nothing_else(brief, animation, tmp_pat
     assert np.abs(difference).mean() < 1.5
 
 
+def test_background_of_a_page_is_what_is_seen_most_often(animation):
+    """Most pixels of a frame are then transparent, which keeps the page small."""
+    entry = np.arange(1 << 15)
+    still = writers._still(animation, entry)
+    differs = [np.mean(writers._bin(animation.picture(k)) != still) for k in range(len(animation))]
+    assert 0.0 < max(differs) < 0.05
+
+
 @pytest.fixture
 def ffmpeg(monkeypatch, tmp_path):
     """Puts a program in ffmpeg's place."""

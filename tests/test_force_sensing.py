@@ -71,6 +71,17 @@ def test_ideal_sensor_shows_the_force_its_own_torque_causes_with_its_bias(furthe
     np.testing.assert_allclose(np.array(rates.controller.force_integral), expected, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("further", [(), ("actuator_lag",)])
+def test_motion_behind_a_sensor_that_lags_is_known_at_once_in_continuous_time(further):
+    """Only over a control period is it found later."""
+    features = Features(force_lag=True, **dict.fromkeys(further, True))
+    parameters, structure = as_scalars(Parameters(), float), Structure(features=features)
+    model = build_model(parameters)
+    state, *_ = jax.eval_shape(lambda: initial_state(structure, model, parameters))
+    rates, _ = jax.eval_shape(lambda state: closed_loop(structure, model, 0.3, state), state)
+    assert jax.tree.structure(rates) == jax.tree.structure(state)
+
+
 def test_program_does_not_grow_with_the_delay():
     def traced(delay):
         structure, model = SENSED._replace(force_delay=delay), build_model(Parameters())

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from coopmm_jax.algebra import matrix
 from coopmm_jax.algebra.angle import angle_of
 from coopmm_jax.algebra.derivative import derivatives
 from coopmm_jax.algebra.matrix import Matrix, cholesky_solve, congruence, dot, inverse_small, minus, norm, plus, scaled
@@ -60,6 +61,11 @@ def test_vector_algebra():
     assert np.array_equal(vector(minus(a, b)), A - B)
     assert np.array_equal(vector(scaled(2.0, a)), 2 * A)
     assert float(dot(a, b)) == A @ B
+
+
+def test_arrays_of_one_type_take_the_same_operations():
+    a, b = jnp.float64(5.0), jnp.float64(3.0)
+    assert (matrix.add(a, b), matrix.sub(a, b), matrix.mul(a, b)) == (8.0, 2.0, 15.0)
 
 
 def test_unequal_lengths_are_refused():

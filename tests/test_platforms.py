@@ -29,6 +29,7 @@ from coopmm_jax.parameters import (
     Trailer,
 )
 from coopmm_jax.proof.lyapunov import states_of
+from coopmm_jax.scenario import feasible
 from coopmm_jax.scenario.feasible import check_reference
 from coopmm_jax.scenario.scenario import load_scenario
 from coopmm_jax.scenario.variation import vary
@@ -154,6 +155,17 @@ def test_paths_that_a_front_axle_cannot_follow_are_named(name, changes, complain
     with pytest.raises(UserError) as caught:
         check_reference(load_scenario(name).with_overrides(changes))
     assert str(caught.value).startswith(complaint)
+
+
+def test_turning_radius_of_a_path_has_the_sign_of_its_turns():
+    """Radius times yaw rate is the speed along the path, to either side."""
+    scenario = load_scenario("eight")
+    parameters = scenario.parameters()
+    course = feasible._course(parameters.reference, parameters.plant.surface, scenario.simulation.duration)
+    speed = course.stretch * np.gradient(course.phase, course.t)
+    assert course.turn.min() < 0.0 < course.turn.max()
+    steady = (course.t > 2.0) & (course.t < course.t[-1])  # where differences are close to the rate
+    np.testing.assert_allclose((course.radius * course.turn)[steady], speed[steady], rtol=1e-4)
 
 
 def test_lengths_and_masses_vary_and_the_controller_keeps_its_own():

@@ -122,6 +122,10 @@ def test_torque_is_held_for_a_period(moving):
     np.testing.assert_allclose(poses(end.position).ravel(), exact[:12], rtol=0, atol=5e-11)
     independent = [i for i in range(10) if i not in lagrangian.dependent_joints(ALL_ROWS)]
     np.testing.assert_allclose(end.velocity, exact[12:][independent], rtol=0, atol=5e-11)
+    desired = np.subtract(signals.constraint_force, signals.force_error)
+    moved = PERIOD * (np.array(start.devices.force) - desired)  # one Euler step, however many of RK4
+    integral = np.array(start.controller.force_integral) + moved
+    np.testing.assert_allclose(end.controller.force_integral, integral, rtol=0, atol=1e-15)
 
 
 def test_hold_keeps_the_first_signals_and_passes_time_on():
