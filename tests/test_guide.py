@@ -6,13 +6,15 @@ import pytest
 
 from coopmm_jax.kinds.courses import Sine
 from coopmm_jax.kinds.timings import Rate
+from coopmm_jax.loop.closed_loop import closed_loop
+from coopmm_jax.loop.start import initial_state
 from coopmm_jax.mechanics.coordinates import Position
 from coopmm_jax.mechanics.guide import carriage_step
 from coopmm_jax.mechanics.model import build_model
 from coopmm_jax.mechanics.partitioning import dependent_solution
 from coopmm_jax.mechanics.plant import carriage_rate, plant_kinematics
 from coopmm_jax.mechanics.robot_kinematics import arm_moved, chained, position_rates
-from coopmm_jax.parameters import ALL_ROWS, MovingRail, Rail, Structure, Surface
+from coopmm_jax.parameters import ALL_ROWS, Gains, MovingRail, Rail, Structure, Surface
 from tests.beside_a_path import EIGHT, eight
 
 T = 0.3
@@ -52,6 +54,16 @@ class Case:
 
     def phi(self, t, position, carriage):
         return self.kinematics(t, position, carriage).reduction.rows.phi
+
+
+def test_a_rail_that_no_row_asks_for_has_no_carriage():
+    gains = Gains(K_sigma=(0.5,) * 9, K_lambda=(0.3,), K_I=(1.5,))
+    parameters, structure = eight()._replace(gains=gains), Structure(rows=("contact_normal",), feedforward="full")
+    model = build_model(parameters)
+    start, *_ = jax.eval_shape(lambda: initial_state(structure, model, parameters))
+    rates, signals = jax.eval_shape(lambda state: closed_loop(structure, model, T, state), start)
+    assert start.carriage == rates.carriage == signals.carriage == ()
+    assert len(rates.velocity) == 9
 
 
 def test_jacobian(case):

@@ -115,7 +115,10 @@ def oracle_rates(plant, disturbance, torque, t, state):
 
 def test_torque_is_held_for_a_period(moving):
     """Two steps of RK4 in one period, against an adaptive integrator of the Lagrangian under the sample's torque."""
-    (parameters, start), (end, signals) = moving, one_period(DELAYED._replace(substeps=2), moving)
+    parameters, start = moving
+    parameters = parameters._replace(hardware=parameters.hardware._replace(force_bias=jnp.asarray(2.5)))
+    structure = DELAYED._replace(substeps=2, features=Features(force_bias=True))
+    end, signals = one_period(structure, (parameters, start))
     rates = partial(oracle_rates, parameters.plant, parameters.disturbance, np.ravel(signals.torque))
     before = np.concatenate([poses(start.position).ravel(), np.ravel(signals.velocity)])
     exact = solve_ivp(rates, (NOW, NOW + PERIOD), before, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
@@ -123,7 +126,7 @@ def test_torque_is_held_for_a_period(moving):
     independent = [i for i in range(10) if i not in lagrangian.dependent_joints(ALL_ROWS)]
     np.testing.assert_allclose(end.velocity, exact[12:][independent], rtol=0, atol=5e-11)
     desired = np.subtract(signals.constraint_force, signals.force_error)
-    moved = PERIOD * (np.array(start.devices.force) - desired)  # one Euler step, however many of RK4
+    moved = PERIOD * (np.array(start.devices.force) + 2.5 - desired)  # one Euler step, however many of RK4
     integral = np.array(start.controller.force_integral) + moved
     np.testing.assert_allclose(end.controller.force_integral, integral, rtol=0, atol=1e-15)
 
