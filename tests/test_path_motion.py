@@ -226,16 +226,21 @@ def test_simulated_ellipse(simulated_ellipse):
 
 
 def test_aims_computed_ahead_are_those_of_each_stage():
-    """A rollout alone reads the desired motion from a table, a batch computes it stage by stage."""
+    """A rollout alone reads the desired motion from a table, a batch computes it stage by stage; a sample has one."""
 
     @jax.jit
-    def both(reference):
+    def all_three(reference):
         t = (300.0 + jnp.arange(4.0)[:, None] + jnp.array([[0.0, 0.5, 1.0]])) * 1e-3
         stages = jax.vmap(jax.vmap(lambda t: aim_at(reference, t)))(t)
-        return aims_ahead(reference, 1e-3, float, False)(300, 4).unpack(), stages
+        continuous, sampled = (
+            aims_ahead(reference, 1e-3, float, sampled)(300, 4).unpack() for sampled in (False, True)
+        )
+        return continuous, sampled, stages
 
-    for ahead, stage in zip(*map(jax.tree.leaves, both(build_model(round_about()).reference)), strict=True):
-        np.testing.assert_allclose(ahead, stage, rtol=1e-14)
+    found = all_three(build_model(round_about()).reference)
+    for continuous, sampled, stage in zip(*map(jax.tree.leaves, found), strict=True):
+        np.testing.assert_allclose(continuous, stage, rtol=1e-14)
+        np.testing.assert_allclose(sampled, stage[:, :1], rtol=1e-14)
 
 
 def test_path_and_rail_along_a_circle_are_the_circle(simulated_paper):

@@ -198,3 +198,11 @@ def test_each_noise_has_its_own_size():
     hardware = Hardware(force_noise=1e3, encoder_noise=1.0, velocity_noise=1e-3)
     sizes = np.repeat([1.0, 1e-3, 1e3], [12, 6, 4])
     np.testing.assert_allclose(draw(hardware, np.zeros(1), 0)[0], sizes * noise_of([0])[0], rtol=1e-15)
+
+
+@pytest.mark.parametrize("rows", [ALL_ROWS[:1], ALL_ROWS[1:]])
+def test_noise_has_as_many_entries_as_is_measured(rows):
+    structure, hardware = NOISY._replace(rows=rows), as_scalars(Hardware(), float)
+    noise = jax.eval_shape(lambda: draw_noise(structure, build_model(PAPER._replace(hardware=hardware)), 0))
+    assert (len(noise.velocity), len(noise.force)) == (10 - len(rows), len(rows))
+    assert len(jax.tree.leaves(noise.position)) == 12
