@@ -9,14 +9,13 @@ import jax
 import jax.numpy as jnp
 
 from coopmm_jax.algebra.matrix import plus
-from coopmm_jax.algebra.types import Pair, Scalar, Vector
+from coopmm_jax.algebra.types import Scalar, Vector
 from coopmm_jax.control.controller import Freedom
 from coopmm_jax.control.reference import desired_force
 from coopmm_jax.control.standing import standing_start
 from coopmm_jax.loop.devices import initial_devices
 from coopmm_jax.loop.state import State
 from coopmm_jax.mechanics.compliant_contact import pressed_in
-from coopmm_jax.mechanics.coordinates import AnyPosition
 from coopmm_jax.mechanics.guide import carriage_step, first_phase, needs_carriage
 from coopmm_jax.mechanics.model import Model
 from coopmm_jax.mechanics.partitioning import dependent_solution, partition
@@ -41,23 +40,27 @@ class Start(NamedTuple):
 def initial_state(structure: Structure, model: Model, parameters: Parameters) -> Start:
     """Robots at rest on the constraints, by Newton's iteration on the dependent joints and a rail's carriage."""
     zero = parameters.plant.gravity * 0.0
-    still = (0,) * sum(map(len, partition(structure.rows, structure.joints).independent))
+    part = partition(structure.rows, structure.joints)
+    still = (0,) * sum(map(len, part.independent))
     rigid = structure._replace(contact="rigid")
     pressed = _pressed_in(structure, model, zero)
 
-    def newton(at: tuple[Pair[AnyPosition], Vector], _: None) -> tuple[tuple[Pair[AnyPosition], Vector], tuple]:
+    def newton(carry: tuple, _: None) -> tuple[tuple, None]:
+        at, _ = carry
         position, carriage = at
         k = plant_kinematics(rigid, model, zero, position, still, carriage)
         residual = plus(k.reduction.rows.phi, pressed)
         moved = per_robot(arm_moved, position, dependent_solution(k.reduction, residual))
-        met = functools.reduce(jnp.maximum, map(jnp.abs, residual))
-        there = (at, met, k.reduction.determinants, k.bodies.contact.facing)
-        return (moved, tuple(s + carriage_step(k.bodies.guide) for s in carriage)), there
+        largest = functools.reduce(jnp.maximum, map(jnp.abs, residual))
+        met = (largest, k.reduction.determinants, k.bodies.contact.facing)
+        return ((moved, tuple(s + carriage_step(k.bodies.guide) for s in carriage)), (at, met)), None
 
     carriage = (zero + first_phase(model.guide, zero),) if needs_carriage(structure.rows, model) else ()
     first = (standing_start(model, parameters, zero), carriage)
-    _, passed = jax.lax.scan(newton, first, None, length=_NEWTON_STEPS + 1)
-    (position, carriage), residual, determinants, facing = jax.tree.map(lambda x: x[-1], passed)
+    unknown = (zero, (zero,) * sum(map(bool, part.dependent)), zero)
+    # The last evaluation is only looked at: what it would move to is dropped.
+    (_, found), _ = jax.lax.scan(newton, (first, (first, unknown)), None, length=_NEWTON_STEPS + 1)
+    (position, carriage), (residual, determinants, facing) = found
     started = model.gains.start(Freedom.of(structure), zero)
     controller = jax.tree.map(lambda x: jnp.asarray(x, jnp.result_type(zero)), started)
     velocity = (zero,) * sum(map(len, partition(structure.plant_rows, structure.joints).independent))
