@@ -51,7 +51,7 @@ def moved(x):
     plant = plant._replace(
         geometry=tuple(map(longer, plant.geometry, fronts[0])),
         inertia=tuple(map(heavier, plant.inertia, fronts[1])),
-        guide=plant.guide._replace(path=ROUND._replace(ys=(ROUND.ys[0] + rail,))),
+        guide=plant.guide._replace(path=ROUND._replace(y0=ROUND.y0 + rail)),
         surface=surface,
     )
     gains = start.gains._replace(k2=start.gains.k2 + k2, k4=start.gains.k4 + k4)
@@ -64,6 +64,14 @@ def moving():
     parameters = as_scalars(moved(np.zeros(len(CHANGES))), float)
     start = jax.jit(lambda p: initial_state(FULL, build_model(p), p).state)(parameters)
     return jax.tree.flatten(jax.device_get(start._replace(velocity=VELOCITY)))
+
+
+def start(x):
+    """Weighted sum of the joints and the carriage from which a rollout starts."""
+    parameters = as_scalars(moved(x), float)
+    state = initial_state(FULL, build_model(parameters), parameters).state
+    leaves = jax.tree.leaves((state.position, state.carriage))
+    return sum(w * leaf for w, leaf in zip(np.linspace(0.5, 1.0, len(leaves)), leaves, strict=True))
 
 
 def rates(x):

@@ -38,6 +38,21 @@ def test_signals_are_those_at_the_start_of_the_step():
 
 
 @pytest.mark.parametrize("checkpoint", [False, True])
+def test_what_is_given_ahead_reaches_each_step_with_its_slope(checkpoint):
+    """Steps add rate * i: after i of them rate * i (i - 1) / 2."""
+
+    def totals(rate):
+        def ahead(first, steps):
+            return rate * (first + jnp.arange(steps))
+
+        return scan_segments(lambda total, i, given: (total + given, ((), total)), 0.0, 30, 7, checkpoint, ahead)[-1]
+
+    i = np.arange(30 * 7)
+    np.testing.assert_array_equal(totals(2.0), i * (i - 1))
+    np.testing.assert_array_equal(jax.jacrev(lambda rate: jnp.sum(totals(rate)))(2.0), np.sum(i * (i - 1) / 2))
+
+
+@pytest.mark.parametrize("checkpoint", [False, True])
 def test_segments_report_their_first_step(checkpoint):
     def advance(total, i):
         return total + i, ((i, total), 2 * i)

@@ -253,15 +253,17 @@ def test_path_and_rail_along_a_circle_are_the_circle(simulated_paper):
 @pytest.mark.parametrize(
     ("function", "by"),
     [
+        (path_results.start, {"path", "rail", "offset", "curvature", "wheelbase"}),
         (path_results.rates, set(path_results.CHANGES) - {"force"}),
         (path_results.aims, {"path", "rate", "offset", "curvature", "force"}),
     ],
-    ids=["loop", "aims ahead"],
+    ids=["start", "loop", "aims ahead"],
 )
 def test_gradients_by_path_rail_timing_gains_fronts_and_state(function, by):
     """Reverse mode against differences of sixth order; with ideal sensing the desired force changes no motion.
 
-    Of one evaluation of the loop, and of what a rollout computes ahead: test_gradients.py goes through rollouts.
+    Of the start, of one evaluation of the loop, and of what a rollout computes ahead; test_gradients.py goes through
+    rollouts.
     """
     for name, (exact, difference) in path_results.results(function).items():
         if name in by:
