@@ -52,11 +52,12 @@ $(BIN)/python:
 
 # Python compiles what is imported when it is; compiling every file of every package takes a third of an installation.
 # The stamps stand beside whatever .venv already holds, so an environment made by hand is completed, not rebuilt. The pip
-# that comes with Python 3.11 takes twice as long as today's to find 150 packages.
+# that comes with Python 3.11 takes twice as long as today's to find 150 packages;
+# setuptools stands in the environment, as pip would else install it once more to build the package.
 $(VENV)/.installed: EXTRAS :=
 $(VENV)/.installed-test: EXTRAS := [test,docs]
 $(VENV)/.installed $(VENV)/.installed-test: pyproject.toml constraints.txt coopmm_jax/__init__.py | $(BIN)/python
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt 'pip>=26'
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt --editable '.$(EXTRAS)'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt 'pip>=26' 'setuptools>=77'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --no-build-isolation --constraint constraints.txt --editable '.$(EXTRAS)'
 	@touch $@

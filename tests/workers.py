@@ -13,7 +13,8 @@ from coopmm_jax import runtime
 QUICK_TO_COMPILE = (
     "--xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1 --xla_cpu_use_fusion_emitters=false"
     " --xla_llvm_enable_alias_scope_metadata=false --xla_llvm_enable_noalias_metadata=false"
-    " --xla_llvm_enable_invariant_load_metadata=false"
+    " --xla_llvm_enable_invariant_load_metadata=false --xla_disable_hlo_passes=cpu-parallel-task-assigner,"
+    "while-loop-invariant-code-motion,while-loop-constant-sinking"
 )
 
 
